@@ -1,0 +1,1 @@
+//! Scripted conditions (`scenes/conditions/*.toml`): light, exposure and clutter as data.

@@ -1,0 +1,33 @@
+//! The simulated side of GRIP: what exists, where it is, and what a camera sees of it.
+//!
+//! | module | what it holds |
+//! |---|---|
+//! | [`pose`] | rigid transforms that carry their frames in their type |
+//! | [`mesh`], [`shape`] | triangle meshes with materials; convex collision shapes |
+//! | [`objects`] | the 21 YCB-Video objects, built in or scanned |
+//! | [`robot`] | the robot model read from a URDF, and its kinematics |
+//! | [`scene`] | scene files: table, bin, robot placement, objects |
+//! | [`camera`], [`images`], [`frame`] | pinhole cameras, image types, and the frame that perception gets |
+//! | [`render`], [`sensor`], [`condition`] | renderers (wgpu and CPU), depth and colour noise, scripted conditions |
+//! | `physics` | the rapier world; only with the feature `physics`, which perception and manipulation never enable |
+//!
+//! Units are SI, angles radians, frames right-handed with z up in the world; see [`pose`] for the frames.
+
+pub mod camera;
+pub mod condition;
+pub mod error;
+pub mod frame;
+pub mod images;
+pub mod mesh;
+pub mod objects;
+#[cfg(feature = "physics")]
+pub mod physics;
+pub mod pose;
+pub mod render;
+pub mod rng;
+pub mod robot;
+pub mod scene;
+pub mod sensor;
+pub mod shape;
+
+pub use error::{Error, Result};

@@ -1,0 +1,1 @@
+//! The rapier world: the only place that knows where things really are.

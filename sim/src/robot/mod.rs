@@ -1,0 +1,1 @@
+//! The robot model: read from a URDF, immutable, with its kinematics.
