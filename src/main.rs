@@ -1,1 +1,46 @@
-fn main() {}
+//! `grip`: grocery packing in simulation, end to end, without a screen.
+//!
+//! Exit codes: 0 done, 1 the trial did not pack everything, 2 could not run.
+
+mod assets;
+mod cli;
+mod commands;
+mod outcome;
+mod output;
+mod pictures;
+mod port;
+mod report;
+mod run_dir;
+mod score;
+mod setup;
+mod trial;
+
+use std::process::ExitCode;
+
+use clap::Parser;
+
+fn main() -> ExitCode {
+    let cli = match cli::Cli::try_parse() {
+        Ok(cli) => cli,
+        Err(error) => {
+            // Help and version are no errors; everything else is a command line that could not run.
+            let code = u8::from(error.use_stderr()) * 2;
+            let _ = error.print();
+            return ExitCode::from(code);
+        }
+    };
+    // Graphics drivers and libraries log freely: silent unless asked.
+    let level = match cli.verbose {
+        0 => "grip=warn,grip_sim=warn,grip_perception=warn,grip_manip=warn,off",
+        1 => "grip=info,grip_sim=info,grip_perception=info,grip_manip=info,warn",
+        _ => "debug",
+    };
+    env_logger::Builder::new().parse_filters(level).format_timestamp(None).format_target(false).init();
+    match commands::run(cli) {
+        Ok(done) => done.exit_code(),
+        Err(error) => {
+            output::message(format_args!("error: {error:#}"));
+            ExitCode::from(2)
+        }
+    }
+}

@@ -8,6 +8,7 @@
 //! | [`robot`] | the robot model read from a URDF, and its kinematics |
 //! | [`scene`] | scene files: table, bin, robot placement, objects |
 //! | [`camera`], [`images`], [`frame`] | pinhole cameras, image types, and the frame that perception gets |
+//! | [`convert`] | our geometry as parry's and rapier's |
 //! | [`render`], [`sensor`], [`condition`] | renderers (wgpu and CPU), depth and colour noise, scripted conditions |
 //! | `physics` | the rapier world; only with the feature `physics`, which perception and manipulation never enable |
 //!
@@ -15,6 +16,7 @@
 
 pub mod camera;
 pub mod condition;
+pub mod convert;
 pub mod error;
 pub mod frame;
 pub mod images;

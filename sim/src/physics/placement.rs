@@ -1,0 +1,197 @@
+//! Dropping objects on the table from a seed, and letting physics settle them.
+
+use std::sync::Arc;
+
+use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
+use rand::RngExt;
+use rand_chacha::ChaCha8Rng;
+
+use super::world::World;
+use crate::condition::Placement;
+use crate::error::{Error, Result};
+use crate::objects::ObjectModel;
+use crate::pose::Pose;
+use crate::rng;
+use crate::scene::{ObjectPlacement, Scene, Table};
+
+/// A layout is tried anew this often before the scene is called infeasible.
+const ATTEMPTS: u64 = 40;
+/// Objects are dropped from this height when spread, metres: enough to be free of the table, too little to bounce.
+const DROP_M: f64 = 0.004;
+/// A dropped object must come to rest this far inside the table's edge, metres.
+const EDGE_M: f64 = 0.03;
+/// Longest simulated time to wait for rest, seconds.
+const SETTLE_S: f64 = 8.0;
+
+/// How the objects got where they are.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Dropped {
+    /// Layouts that were thrown away, with the reason.
+    pub rejected: Vec<String>,
+    /// Simulated seconds until rest.
+    pub settle_s: f64,
+}
+
+/// Drops `models` into the scene's region and settles them; builds the world anew for each attempt with `fresh`.
+///
+/// Spread: upright or (for the scene's share) on a side, turned about the vertical by a random angle, outlines apart by
+/// the scene's gap. Stacked: one after another in random orientations on a smaller patch. A layout in which something
+/// falls off the table, into the bin, or does not come to rest is thrown away.
+///
+/// # Errors
+/// When no layout succeeds: the message holds the reasons and what to change.
+pub fn drop_objects(
+    scene: &Scene,
+    models: &[Arc<ObjectModel>],
+    placement: Placement,
+    seed: u64,
+    mut fresh: impl FnMut() -> Result<World>,
+) -> Result<(World, Dropped)> {
+    let mut rejected = Vec::new();
+    for attempt in 0..ATTEMPTS {
+        let mut random = rng::stream(seed, &format!("placement/{attempt}"));
+        let mut world = fresh()?;
+        let laid_out = match placement {
+            Placement::Spread => spread(&mut world, scene, models, &mut random)?,
+            Placement::Stacked => stack(&mut world, scene, models, &mut random)?,
+        };
+        let outcome = laid_out.and_then(|()| {
+            let settled = world.settle(SETTLE_S);
+            if !settled.at_rest {
+                return Err(format!("not at rest after {SETTLE_S} s"));
+            }
+            astray(&world, scene).map_or(Ok(settled.seconds), Err)
+        });
+        match outcome {
+            Ok(settle_s) => {
+                world.reset_peaks();
+                return Ok((world, Dropped { rejected, settle_s }));
+            }
+            Err(reason) => rejected.push(reason),
+        }
+    }
+    rejected.dedup();
+    Err(Error::World(format!(
+        "no layout of {} objects in {ATTEMPTS} attempts ({}); enlarge objects.size, lower objects.gap, or use fewer objects",
+        models.len(),
+        rejected.join("; ")
+    )))
+}
+
+/// Which object, if any, is not well on the table.
+fn astray(world: &World, scene: &Scene) -> Option<String> {
+    (0..world.object_count()).find_map(|i| {
+        let p = world.truth(i).translation();
+        let name = &world.object(i).info.name;
+        let Table { height, .. } = scene.table;
+        if !inside(&scene.table, p.x, p.y, EDGE_M) || p.z < height {
+            return Some(format!("{name} fell off the table"));
+        }
+        // Over the bin's outline at all counts: what is to be packed must not begin in the bin.
+        let in_bin = scene.bin.world_from_bin().inverse_transform_point(&p.into());
+        let margin = world.object(i).diameter / 2.0;
+        let near = |v: f64, inner: f64| v.abs() < inner / 2.0 + scene.bin.wall_thickness + margin;
+        (near(in_bin.x, scene.bin.inner[0]) && near(in_bin.y, scene.bin.inner[1]))
+            .then(|| format!("{name} came to rest at the bin"))
+    })
+}
+
+fn inside(table: &Table, x: f64, y: f64, edge: f64) -> bool {
+    let ([x0, y0], [x1, y1]) = (table.low(), table.high());
+    (x0 + edge..=x1 - edge).contains(&x) && (y0 + edge..=y1 - edge).contains(&y)
+}
+
+/// Extents of the object's bounding box after a rotation: how far it reaches below its origin, and the radius of its
+/// outline seen from above.
+fn reach(model: &ObjectModel, rotation: &UnitQuaternion<f64>) -> (f64, f64) {
+    let (mut below, mut radius) = (0.0_f64, 0.0_f64);
+    for p in &model.visual.mesh.positions {
+        let q = rotation * p.coords.cast::<f64>();
+        below = below.max(-q.z);
+        radius = radius.max(q.xy().norm());
+    }
+    (below, radius)
+}
+
+/// Upright, or rolled on a side.
+fn orientation(model: &ObjectModel, lying_fraction: f64, random: &mut ChaCha8Rng) -> UnitQuaternion<f64> {
+    let yaw = random.random_range(-std::f64::consts::PI..std::f64::consts::PI);
+    let lies = random.random::<f64>() < lying_fraction && !model.info.upright;
+    let about_x = random.random::<bool>();
+    let side = if !lies {
+        UnitQuaternion::identity()
+    } else {
+        let axis = if about_x { Vector3::x_axis() } else { Vector3::y_axis() };
+        UnitQuaternion::from_axis_angle(&axis, std::f64::consts::FRAC_PI_2)
+    };
+    UnitQuaternion::from_axis_angle(&Vector3::z_axis(), yaw) * side
+}
+
+type LaidOut = std::result::Result<(), String>;
+
+fn spread(world: &mut World, scene: &Scene, models: &[Arc<ObjectModel>], random: &mut ChaCha8Rng) -> Result<LaidOut> {
+    const PLACES: usize = 400;
+    let region = &scene.objects;
+    let placed = |model: &ObjectModel| region.placed.iter().find(|p| p.name == model.info.name);
+    // Fixed places are taken first, so that nothing is dropped on them.
+    let mut outlines: Vec<([f64; 2], f64)> = Vec::new();
+    for model in models {
+        if let Some(placed) = placed(model) {
+            let p = placed.pose.translation();
+            outlines.push(([p.x, p.y], reach(model, &placed.pose.rotation()).1));
+        }
+    }
+    for model in models {
+        if let Some(placed) = placed(model) {
+            world.add_object(model.clone(), &placed.pose)?;
+            continue;
+        }
+        let rotation = orientation(model, region.lying_fraction, random);
+        let (below, radius) = reach(model, &rotation);
+        let place = (0..PLACES).find_map(|_| {
+            let at = somewhere(region, 1.0, random);
+            let free = outlines.iter().all(|(other, r)| {
+                let apart = ((at[0] - other[0]).powi(2) + (at[1] - other[1]).powi(2)).sqrt();
+                apart >= radius + r + region.gap
+            });
+            (free && inside(&scene.table, at[0], at[1], EDGE_M)).then_some(at)
+        });
+        let Some([x, y]) = place else {
+            return Ok(Err(format!("no free place for {}", model.info.name)));
+        };
+        outlines.push(([x, y], radius));
+        let z = scene.table.height + below + DROP_M;
+        let pose = Isometry3::from_parts(Translation3::new(x, y, z), rotation);
+        world.add_object(model.clone(), &Pose::new(pose))?;
+    }
+    Ok(Ok(()))
+}
+
+/// A point of the region, or of its middle `share`.
+fn somewhere(region: &ObjectPlacement, share: f64, random: &mut ChaCha8Rng) -> [f64; 2] {
+    [0, 1].map(|axis| {
+        let half = share * region.size[axis] / 2.0;
+        region.center[axis] + random.random_range(-half..=half)
+    })
+}
+
+fn stack(world: &mut World, scene: &Scene, models: &[Arc<ObjectModel>], random: &mut ChaCha8Rng) -> Result<LaidOut> {
+    /// Share of the region on which the heap is dropped.
+    const PATCH: f64 = 0.55;
+    /// Time given to each object to fall on the heap before the next one follows, seconds.
+    const FALL_S: f64 = 1.0;
+    let region = &scene.objects;
+    for model in models {
+        let rotation = orientation(model, 0.5, random);
+        let (below, _) = reach(model, &rotation);
+        let at = somewhere(region, PATCH, random);
+        let heap = (0..world.object_count())
+            .map(|i| world.truth(i).translation().z + world.object(i).diameter / 2.0)
+            .fold(scene.table.height, f64::max);
+        let pose =
+            Isometry3::from_parts(Translation3::new(at[0], at[1], heap + below + DROP_M), rotation);
+        world.add_object(model.clone(), &Pose::new(pose))?;
+        world.settle(FALL_S);
+    }
+    Ok(Ok(()))
+}

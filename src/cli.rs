@@ -1,0 +1,182 @@
+//! The command line, as data. What it does stands in `commands`.
+
+use std::path::PathBuf;
+
+use clap::{Args, Parser, Subcommand, ValueEnum};
+
+/// Grocery packing in simulation: GRIP estimates poses, a Fetch packs, physics decides, every grasp is scored.
+#[derive(Debug, Parser)]
+#[command(name = "grip", version, about, max_term_width = 100)]
+pub struct Cli {
+    /// What to do.
+    #[command(subcommand)]
+    pub command: Command,
+    /// More messages on stderr (-v, -vv); graphics drivers and libraries stay silent without it.
+    #[arg(short, long, action = clap::ArgAction::Count, global = true)]
+    pub verbose: u8,
+}
+
+/// The verbs.
+#[derive(Debug, Subcommand)]
+pub enum Command {
+    /// Pack the scene's objects into the bin and score every grasp.
+    Pack(PackArgs),
+    /// Draw what the head camera sees of a scene.
+    Render(RenderArgs),
+    /// List the objects and the set that is in use.
+    Objects(ObjectsArgs),
+    /// Show the robot: what was loaded, joints, limits, poses.
+    Robot(RobotArgs),
+}
+
+/// Which scene, and which parts it is made of.
+#[derive(Debug, Args)]
+pub struct SceneArgs {
+    /// Scene file [default: scenes/grocery.toml].
+    pub scene: Option<PathBuf>,
+    /// Seed of everything random in the run.
+    #[arg(long, default_value_t = 1)]
+    pub seed: u64,
+    /// Condition by name, from the folder `conditions` beside the scene file, or a path to a .toml file.
+    #[arg(long, default_value = "base")]
+    pub condition: String,
+    /// Who draws: `auto` takes wgpu where a graphics adapter exists, else the CPU.
+    #[arg(long, value_enum, default_value_t = Renderer::Auto)]
+    pub renderer: Renderer,
+    /// Folder of scanned objects (official YCB layout, or a BOP `models` folder) [env: GRIP_YCB_DIR].
+    #[arg(long, value_name = "DIR")]
+    pub ycb: Option<PathBuf>,
+    /// Another URDF of the robot, such as the upstream Fetch's.
+    #[arg(long, value_name = "URDF")]
+    pub robot: Option<PathBuf>,
+    /// Where `package://` meshes are looked up; may be given more than once.
+    #[arg(long, value_name = "DIR")]
+    pub package_path: Vec<PathBuf>,
+}
+
+/// `grip pack`.
+#[derive(Debug, Args)]
+pub struct PackArgs {
+    #[command(flatten)]
+    pub scene: SceneArgs,
+    /// Who estimates poses; `truth` reads them from the simulator, for ceilings, and is marked in every output.
+    #[arg(long, value_enum, default_value_t = Estimator::Grip)]
+    pub estimator: Estimator,
+    /// Who proposes boxes.
+    #[arg(long, value_enum, default_value_t = Detector::Clusters)]
+    pub detector: Detector,
+    /// Pack only the first K objects of the scene; the others stay as clutter.
+    #[arg(long, value_name = "K")]
+    pub items: Option<usize>,
+    /// Run folder [default: runs/SCENE-CONDITION-ESTIMATOR-SEED]; an existing one is replaced when the run is done.
+    #[arg(long, value_name = "DIR")]
+    pub out: Option<PathBuf>,
+    /// Print the result as one JSON object on stdout.
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// `grip render`.
+#[derive(Debug, Args)]
+pub struct RenderArgs {
+    #[command(flatten)]
+    pub scene: SceneArgs,
+    /// Folder for the pictures.
+    #[arg(long, value_name = "DIR", default_value = "runs/render")]
+    pub out: PathBuf,
+}
+
+/// `grip objects`.
+#[derive(Debug, Args)]
+pub struct ObjectsArgs {
+    /// Folder of scanned objects (official YCB layout, or a BOP `models` folder) [env: GRIP_YCB_DIR].
+    #[arg(long, value_name = "DIR")]
+    pub ycb: Option<PathBuf>,
+    /// Print JSON.
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// `grip robot`.
+#[derive(Debug, Args)]
+pub struct RobotArgs {
+    /// URDF [default: robots/fetch/fetch.urdf].
+    #[arg(long, value_name = "URDF")]
+    pub robot: Option<PathBuf>,
+    /// Where `package://` meshes are looked up; may be given more than once.
+    #[arg(long, value_name = "DIR")]
+    pub package_path: Vec<PathBuf>,
+    /// Print JSON.
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// Who draws.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum Renderer {
+    /// wgpu where an adapter exists, else the CPU.
+    Auto,
+    /// wgpu or an error.
+    Wgpu,
+    /// The CPU ray caster.
+    Cpu,
+}
+
+impl From<Renderer> for grip_sim::render::RendererChoice {
+    fn from(choice: Renderer) -> Self {
+        match choice {
+            Renderer::Auto => Self::Auto,
+            Renderer::Wgpu => Self::Wgpu,
+            Renderer::Cpu => Self::Cpu,
+        }
+    }
+}
+
+/// Who estimates poses.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum Estimator {
+    /// GRIP's second stage.
+    Grip,
+    /// The simulator's own poses: a ceiling, not a result.
+    Truth,
+}
+
+/// Who proposes boxes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum Detector {
+    /// A class-agnostic box for each cluster of depth above the table.
+    Clusters,
+    /// No proposals: a uniform prior.
+    None,
+}
+
+impl Estimator {
+    /// As on the command line and in outputs.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Grip => "grip",
+            Self::Truth => "truth",
+        }
+    }
+}
+
+impl Detector {
+    /// As on the command line and in outputs.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Clusters => "clusters",
+            Self::None => "none",
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_command_line_is_consistent() {
+        use clap::CommandFactory;
+        Cli::command().debug_assert();
+    }
+}

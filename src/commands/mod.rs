@@ -1,0 +1,39 @@
+//! The verbs, a file each.
+
+mod objects;
+mod pack;
+mod render;
+mod robot;
+
+use std::process::ExitCode;
+
+use crate::cli::{Cli, Command};
+
+/// How a command ended when it could run.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Done {
+    /// All that was asked for.
+    Fully,
+    /// The trial ran, but not everything was packed.
+    Short,
+}
+
+impl Done {
+    /// 0 or 1; errors (2) never get here.
+    pub fn exit_code(self) -> ExitCode {
+        match self {
+            Self::Fully => ExitCode::SUCCESS,
+            Self::Short => ExitCode::from(1),
+        }
+    }
+}
+
+/// Runs what the command line says.
+pub fn run(cli: Cli) -> anyhow::Result<Done> {
+    match cli.command {
+        Command::Pack(args) => pack::run(&args),
+        Command::Render(args) => render::run(&args),
+        Command::Objects(args) => objects::run(&args),
+        Command::Robot(args) => robot::run(&args),
+    }
+}

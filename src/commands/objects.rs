@@ -1,0 +1,48 @@
+//! `grip objects`: the table of objects and which set is in use.
+
+use anyhow::Result;
+use comfy_table::{CellAlignment, Table, presets::NOTHING};
+
+use super::Done;
+use crate::cli::ObjectsArgs;
+use crate::{output, setup};
+
+/// Prints the table.
+pub fn run(args: &ObjectsArgs) -> Result<Done> {
+    let library = setup::library(args.ycb.clone())?;
+    let infos = library.names().map(|name| library.info(name)).collect::<Result<Vec<_>, _>>()?;
+    if args.json {
+        let json = serde_json::json!({
+            "schema": "grip.objects/1",
+            "object_set": library.set().label(),
+            "objects": infos,
+        });
+        output::data(format_args!("{}", serde_json::to_string_pretty(&json)?))?;
+        return Ok(Done::Fully);
+    }
+    let mut table = Table::new();
+    table.load_preset(NOTHING);
+    table.set_header(["object", "id", "mass g", "size mm", "friction", "metric", "fragility", "upright"]);
+    for info in infos {
+        let model = library.load(&info.name)?;
+        let size = model.size() * 1e3;
+        table.add_row([
+            info.name.clone(),
+            info.bop_id.to_string(),
+            format!("{:.0}", info.mass_kg * 1e3),
+            format!("{:.0} x {:.0} x {:.0}", size.x, size.y, size.z),
+            format!("{:.2}", info.friction),
+            if info.symmetric { "ADD-S" } else { "ADD" }.to_string(),
+            format!("{:?}", info.fragility).to_lowercase(),
+            if info.upright { "yes" } else { "" }.to_string(),
+        ]);
+    }
+    for column in [1, 2, 4] {
+        if let Some(column) = table.column_mut(column) {
+            column.set_cell_alignment(CellAlignment::Right);
+        }
+    }
+    output::data(format_args!("{table}"))?;
+    output::data(format_args!("\nobject set in use: {}", library.set().label()))?;
+    Ok(Done::Fully)
+}

@@ -1,0 +1,79 @@
+//! `grip robot`: what was loaded, joints and limits.
+
+use anyhow::Result;
+use comfy_table::{CellAlignment, Table, presets::NOTHING};
+use grip_sim::robot::RobotModel;
+
+use super::Done;
+use crate::cli::RobotArgs;
+use crate::{assets, output};
+
+/// Prints joints, limits and the count of what was read.
+pub fn run(args: &RobotArgs) -> Result<Done> {
+    let urdf = match &args.robot {
+        Some(path) => path.clone(),
+        None => assets::find("robots/fetch/fetch.urdf")?,
+    };
+    let robot = RobotModel::load(&urdf, &args.package_path)?;
+    let loaded = robot.loaded();
+    if args.json {
+        let joints: Vec<_> = robot
+            .joints()
+            .iter()
+            .map(|joint| {
+                let finite = |v: f64| v.is_finite().then_some(v);
+                serde_json::json!({
+                    "name": joint.name,
+                    "kind": format!("{:?}", joint.kind).to_lowercase(),
+                    "lower": finite(joint.limits.lower),
+                    "upper": finite(joint.limits.upper),
+                    "velocity": joint.limits.velocity,
+                    "effort": joint.limits.effort,
+                })
+            })
+            .collect();
+        let json = serde_json::json!({
+            "schema": "grip.robot/1",
+            "name": robot.name(),
+            "urdf": urdf,
+            "links": loaded.links,
+            "meshes": loaded.meshes,
+            "visuals": loaded.visuals,
+            "collisions": loaded.collisions,
+            "joints": joints,
+        });
+        output::data(format_args!("{}", serde_json::to_string_pretty(&json)?))?;
+        return Ok(Done::Fully);
+    }
+    output::data(format_args!(
+        "{} from {}: {} links, {} movable joints, {} visuals, {} collision shapes, {} mesh files\n",
+        robot.name(),
+        urdf.display(),
+        loaded.links,
+        loaded.joints,
+        loaded.visuals,
+        loaded.collisions,
+        loaded.meshes
+    ))?;
+    let mut table = Table::new();
+    table.load_preset(NOTHING);
+    table.set_header(["joint", "kind", "lower", "upper", "velocity", "effort"]);
+    for joint in robot.joints() {
+        let bound = |v: f64| if v.is_finite() { format!("{v:.4}") } else { "-".to_string() };
+        table.add_row([
+            joint.name.clone(),
+            format!("{:?}", joint.kind).to_lowercase(),
+            bound(joint.limits.lower),
+            bound(joint.limits.upper),
+            format!("{:.3}", joint.limits.velocity),
+            format!("{:.2}", joint.limits.effort),
+        ]);
+    }
+    for column in 2..6 {
+        if let Some(column) = table.column_mut(column) {
+            column.set_cell_alignment(CellAlignment::Right);
+        }
+    }
+    output::data(format_args!("{table}"))?;
+    Ok(Done::Fully)
+}

@@ -1,0 +1,175 @@
+//! What a trial produced, as plain data: the schema of result.json and of `--json`.
+
+use serde::Serialize;
+
+/// Version of the trial result; changes with every change that could break a reader.
+pub const TRIAL_SCHEMA: &str = "grip.trial/1";
+
+/// What became of an item. Everything but [`Outcome::Packed`] is a failure.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Outcome {
+    /// Grasped, lifted, carried and at rest inside the bin at the end, with nothing knocked out on the way.
+    Packed,
+    /// The estimator was not confident enough to act.
+    NotPerceived,
+    /// Another object than the one believed to be there was handled.
+    WrongObject,
+    /// No grasp that the arm reaches without collision.
+    NoGrasp,
+    /// Grasps, but no free place in the bin that the arm reaches.
+    NoPlace,
+    /// Grasp and place, but no path between them.
+    NoPath,
+    /// The arm or hand ran into something before the grasp.
+    CollisionOnApproach,
+    /// The fingers closed on nothing.
+    Missed,
+    /// Lost while lifting.
+    SlippedOnLift,
+    /// Lost on the way to the bin.
+    DroppedInTransit,
+    /// The arm or the held object ran into something on the way.
+    CollisionInTransit,
+    /// Released, but not at rest inside the bin at the end.
+    PlacedOutside,
+    /// In the bin, but another item was knocked off the table or out of the bin.
+    Disturbed,
+    /// In the bin, but not by a grasp that counts: see `clauses`.
+    NotGrasped,
+    /// Knocked off the table or out of the bin while another item was handled.
+    KnockedOut,
+    /// Never tried, because the trial ended before.
+    NotAttempted,
+}
+
+/// The stage that an item reached.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Stage {
+    /// Looking and estimating.
+    Look,
+    /// Planning grasp, place and motion.
+    Plan,
+    /// Moving to the object.
+    Approach,
+    /// Closing the fingers.
+    Grasp,
+    /// Lifting.
+    Lift,
+    /// Carrying to the bin.
+    Carry,
+    /// Lowering and releasing.
+    Place,
+    /// At rest at the end of the trial.
+    Done,
+}
+
+/// The clauses of a success, each with what was measured. All must hold.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
+pub struct Clauses {
+    /// Both fingers pressed with opposing normals (dot product at most -0.3) and at least 1 N each when the lift began.
+    pub opposing_contacts: bool,
+    /// The object left everything it lay on or touched, and its lowest point rose by at least 3 cm.
+    pub lifted_clear: bool,
+    /// Still pinched and clear of everything at the end of the carry.
+    pub held_after_carry: bool,
+    /// At rest inside the bin at the end of the trial.
+    pub in_bin: bool,
+    /// No other item left the table or the bin while this one was handled.
+    pub nothing_knocked_out: bool,
+}
+
+impl Clauses {
+    /// Whether all hold.
+    pub fn all(&self) -> bool {
+        let Self { opposing_contacts, lifted_clear, held_after_carry, in_bin, nothing_knocked_out } = *self;
+        opposing_contacts && lifted_clear && held_after_carry && in_bin && nothing_knocked_out
+    }
+}
+
+/// One item of a trial.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct ItemResult {
+    /// YCB name.
+    pub object: String,
+    /// What became of it.
+    pub outcome: Outcome,
+    /// The stage reached in the last attempt.
+    pub stage: Stage,
+    /// Why, in words; empty when packed.
+    pub reason: String,
+    /// Attempts made.
+    pub attempts: u32,
+    /// Mean distance of corresponding model points at the last look before the last attempt, metres.
+    pub add_m: Option<f64>,
+    /// The same to the nearest point, for objects whose turned copies look the same, metres.
+    pub adds_m: Option<f64>,
+    /// Wall seconds of estimation for this object, all looks.
+    pub estimate_s: f64,
+    /// Wall seconds of planning, all attempts.
+    pub plan_s: f64,
+    /// How far the object moved in the hand between grasp and release, metres.
+    pub slip_m: Option<f64>,
+    /// Largest normal force by any one body on the object during its attempts, newtons.
+    pub peak_force_n: f64,
+    /// The clauses of success.
+    pub clauses: Clauses,
+}
+
+/// A whole trial.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct TrialResult {
+    /// [`TRIAL_SCHEMA`].
+    pub schema: &'static str,
+    /// The seed of everything random.
+    pub seed: u64,
+    /// The scene's name.
+    pub scene: String,
+    /// The condition's name.
+    pub condition: String,
+    /// `grip`, or `truth` for a ceiling that is no result.
+    pub estimator: &'static str,
+    /// `clusters` or `none`.
+    pub detector: &'static str,
+    /// `built-in`, `ycb` or `bop`.
+    pub object_set: &'static str,
+    /// `wgpu` or `cpu`.
+    pub renderer: &'static str,
+    /// Items asked for.
+    pub requested: usize,
+    /// Items packed.
+    pub packed: usize,
+    /// Wall seconds of the whole trial.
+    pub wall_s: f64,
+    /// Simulated seconds.
+    pub sim_s: f64,
+    /// Item by item, in the scene's order.
+    pub items: Vec<ItemResult>,
+    /// SHA-256 of the final state of the physics world.
+    pub state_hash: String,
+}
+
+impl Outcome {
+    /// In words, for people.
+    pub fn words(self) -> &'static str {
+        match self {
+            Self::Packed => "packed",
+            Self::NotPerceived => "not perceived",
+            Self::WrongObject => "wrong object",
+            Self::NoGrasp => "no reachable grasp",
+            Self::NoPlace => "no place in the bin",
+            Self::NoPath => "no path",
+            Self::CollisionOnApproach => "collision on approach",
+            Self::Missed => "missed",
+            Self::SlippedOnLift => "slipped on lift",
+            Self::DroppedInTransit => "dropped in transit",
+            Self::CollisionInTransit => "collision in transit",
+            Self::PlacedOutside => "placed outside",
+            Self::Disturbed => "others knocked out",
+            Self::NotGrasped => "in the bin, not by a grasp",
+            Self::KnockedOut => "knocked out",
+            Self::NotAttempted => "not attempted",
+        }
+    }
+}

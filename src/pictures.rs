@@ -1,0 +1,133 @@
+//! Pictures for people and files for tools: colour, depth, labels and overlays as PNG bytes.
+
+use anyhow::{Context, Result};
+use grip_sim::images::{DepthImage, LabelImage, RgbImage};
+use image::{ExtendedColorType, ImageEncoder, codecs::png::PngEncoder};
+
+/// Depth is drawn over this range, metres: what a head camera sees of a table.
+const DRAWN_DEPTH_M: [f32; 2] = [0.5, 1.8];
+
+/// The colour that stands for an object label in every picture and table.
+pub fn color(label: u16) -> [u8; 3] {
+    match label {
+        0 => [0, 0, 0],
+        grip_sim::physics::ROBOT_LABEL => [110, 110, 120],
+        n => {
+            let c = colorous::CATEGORY10[(usize::from(n) - 1) % 10];
+            [c.r, c.g, c.b]
+        }
+    }
+}
+
+/// 8-bit RGB.
+pub fn rgb_png(image: &RgbImage) -> Result<Vec<u8>> {
+    encode(image.as_raw(), image.width(), image.height(), ExtendedColorType::Rgb8)
+}
+
+/// 16-bit grey, millimetres; 0 is no reading. Depths beyond 65.535 m count as no reading.
+pub fn depth_png_mm(depth: &DepthImage) -> Result<Vec<u8>> {
+    let bytes: Vec<u8> = depth
+        .data()
+        .iter()
+        .map(|metres| (metres * 1000.0).round())
+        .map(|mm| if (0.0..=65535.0).contains(&mm) { mm as u16 } else { 0 })
+        .flat_map(u16::to_ne_bytes)
+        .collect();
+    encode(&bytes, depth.width() as u32, depth.height() as u32, ExtendedColorType::L16)
+}
+
+/// Depth as colours, near yellow to far blue; black is no reading.
+pub fn depth_color(depth: &DepthImage) -> RgbImage {
+    let [near, far] = DRAWN_DEPTH_M;
+    let mut picture = RgbImage::new(depth.width() as u32, depth.height() as u32);
+    for (pixel, &metres) in picture.pixels_mut().zip(depth.data()) {
+        if metres > 0.0 {
+            let share = ((far - metres) / (far - near)).clamp(0.0, 1.0);
+            let c = colorous::VIRIDIS.eval_continuous(f64::from(share));
+            pixel.0 = [c.r, c.g, c.b];
+        }
+    }
+    picture
+}
+
+/// Labels as an indexed PNG: tools read the label as the index (Pillow mode `P`), people see colours.
+pub fn labels_png(labels: &LabelImage) -> Result<Vec<u8>> {
+    let indices: Vec<u8> = labels
+        .data()
+        .iter()
+        .map(|&label| u8::try_from(label))
+        .collect::<std::result::Result<_, _>>()
+        .context("labels.png holds at most 255 labels")?;
+    let palette: Vec<u8> = (0..=255u16).flat_map(color).collect();
+    let mut bytes = Vec::new();
+    let mut encoder = png::Encoder::new(&mut bytes, labels.width() as u32, labels.height() as u32);
+    encoder.set_color(png::ColorType::Indexed);
+    encoder.set_depth(png::BitDepth::Eight);
+    encoder.set_palette(palette);
+    let mut writer = encoder.write_header().context("labels.png")?;
+    writer.write_image_data(&indices).context("labels.png")?;
+    writer.finish().context("labels.png")?;
+    Ok(bytes)
+}
+
+/// Draws the border of every label of `believed` on a copy of `rgb`, two pixels wide, in the label's colour.
+pub fn outlines(rgb: &RgbImage, believed: &LabelImage) -> RgbImage {
+    let mut picture = rgb.clone();
+    let (width, height) = (believed.width(), believed.height());
+    for v in 1..height - 1 {
+        for u in 1..width - 1 {
+            let here = *believed.at(u, v);
+            let neighbours = [(u - 1, v), (u + 1, v), (u, v - 1), (u, v + 1)];
+            let border = neighbours.iter().map(|&(x, y)| *believed.at(x, y)).filter(|&l| l != here).max();
+            if let Some(label) = border.map(|other| here.max(other)) {
+                picture.put_pixel(u as u32, v as u32, image::Rgb(color(label)));
+            }
+        }
+    }
+    picture
+}
+
+fn encode(bytes: &[u8], width: u32, height: u32, kind: ExtendedColorType) -> Result<Vec<u8>> {
+    let mut png = Vec::new();
+    PngEncoder::new(&mut png).write_image(bytes, width, height, kind).context("cannot encode a PNG")?;
+    Ok(png)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn depth_is_stored_in_millimetres_and_holes_stay_zero() {
+        let depth = DepthImage::from_vec(2, 1, vec![0.0, 1.2345]).unwrap();
+        let png = image::load_from_memory(&depth_png_mm(&depth).unwrap()).unwrap().into_luma16();
+        assert_eq!(png.as_raw(), &[0, 1235]);
+        assert_eq!(depth_color(&depth).get_pixel(0, 0).0, [0, 0, 0]);
+    }
+
+    #[test]
+    fn labels_are_read_back_as_indices() {
+        let labels = LabelImage::from_vec(3, 1, vec![0, 2, 255]).unwrap();
+        let png = labels_png(&labels).unwrap();
+        let mut decoder = png::Decoder::new(std::io::Cursor::new(png));
+        decoder.set_transformations(png::Transformations::IDENTITY);
+        let mut reader = decoder.read_info().unwrap();
+        let mut indices = vec![0; 3];
+        reader.next_frame(&mut indices).unwrap();
+        assert_eq!(indices, [0, 2, 255]);
+    }
+
+    #[test]
+    fn outlines_follow_the_border() {
+        let rgb = RgbImage::new(8, 8);
+        let mut believed = LabelImage::filled(8, 8, 0);
+        for v in 3..6 {
+            for u in 3..6 {
+                *believed.at_mut(u, v) = 1;
+            }
+        }
+        let picture = outlines(&rgb, &believed);
+        assert_eq!(picture.get_pixel(3, 4).0, color(1));
+        assert_eq!(picture.get_pixel(4, 4).0, [0, 0, 0]);
+    }
+}

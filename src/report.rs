@@ -1,0 +1,132 @@
+//! report.html: one file that shows a trial, pictures and all, without a network.
+
+use std::fmt::Write as _;
+
+use base64::Engine as _;
+
+use crate::outcome::{ItemResult, Outcome, TrialResult};
+use crate::pictures;
+
+/// The pictures of one look, as PNG bytes.
+#[derive(Debug, Clone)]
+pub struct LookPictures {
+    /// What was looked for and what was decided.
+    pub caption: String,
+    /// Colour.
+    pub rgb: Vec<u8>,
+    /// Depth in colours.
+    pub depth: Vec<u8>,
+    /// Colour with the estimated poses as outlines.
+    pub overlay: Vec<u8>,
+}
+
+const STYLE: &str = "body{font:15px/1.45 system-ui,sans-serif;max-width:1180px;margin:2em auto;padding:0 1em;color:#1b1f24}\
+h1{font-size:1.5em}h2{font-size:1.15em;margin-top:2em}table{border-collapse:collapse;width:100%}\
+th,td{text-align:left;padding:.35em .6em;border-bottom:1px solid #d5dae0}td.n,th.n{text-align:right;font-variant-numeric:tabular-nums}\
+.ok{color:#11713a;font-weight:600}.bad{color:#a3261b;font-weight:600}.note{background:#fff4d6;padding:.6em 1em;border-radius:6px}\
+.look{display:flex;gap:8px;flex-wrap:wrap}.look figure{margin:0;flex:1 1 320px}.look img{width:100%;border-radius:4px}\
+figcaption{font-size:.85em;color:#57606a}.key{display:inline-block;width:.8em;height:.8em;border-radius:2px;margin-right:.4em}";
+
+/// The page.
+pub fn html(result: &TrialResult, looks: &[LookPictures], start: &[u8], end: &[u8]) -> String {
+    let mut page = String::new();
+    let title = format!("{} of {} packed", result.packed, result.requested);
+    // Writing to a String cannot fail.
+    let _ = write!(
+        page,
+        "<!doctype html><html lang=en><meta charset=utf-8><title>GRIP: {title}</title><style>{STYLE}</style>\
+         <h1>{title}: scene {}, condition {}, seed {}</h1>",
+        escape(&result.scene),
+        escape(&result.condition),
+        result.seed
+    );
+    if result.estimator == "truth" {
+        page.push_str(
+            "<p class=note><b>Estimator: truth.</b> Poses were read from the simulator. This is a ceiling, not a result.</p>",
+        );
+    }
+    let _ = write!(
+        page,
+        "<p>Estimator {}, detector {}, objects {}, renderer {}. {:.1} s simulated in {:.1} s. State <code>{}</code>.</p>",
+        result.estimator,
+        result.detector,
+        result.object_set,
+        result.renderer,
+        result.sim_s,
+        result.wall_s,
+        &result.state_hash[..16.min(result.state_hash.len())]
+    );
+    page.push_str("<h2>Items</h2>");
+    items_table(&mut page, &result.items);
+    page.push_str("<h2>Before and after</h2><div class=look>");
+    figure(&mut page, start, "the scene at the start");
+    figure(&mut page, end, "the scene at the end");
+    page.push_str("</div>");
+    for (i, look) in looks.iter().enumerate() {
+        let _ = write!(page, "<h2>Look {}: {}</h2><div class=look>", i + 1, escape(&look.caption));
+        figure(&mut page, &look.rgb, "colour");
+        figure(&mut page, &look.depth, "depth, near yellow to far blue, black no reading");
+        figure(&mut page, &look.overlay, "estimated poses");
+        page.push_str("</div>");
+    }
+    page.push_str("</html>\n");
+    page
+}
+
+fn items_table(page: &mut String, items: &[ItemResult]) {
+    page.push_str(
+        "<table><tr><th>object<th>outcome<th>stage<th>why<th class=n>tries<th class=n>ADD mm<th class=n>ADD-S mm\
+         <th class=n>slip mm<th class=n>peak N<th class=n>estimate s<th class=n>plan s<th>clauses that failed</tr>",
+    );
+    for (i, item) in items.iter().enumerate() {
+        let class = if item.outcome == Outcome::Packed { "ok" } else { "bad" };
+        let [r, g, b] = pictures::color(i as u16 + 1);
+        let mm = |metres: Option<f64>| metres.map_or("–".to_string(), |m| format!("{:.1}", m * 1e3));
+        let _ = write!(
+            page,
+            "<tr><td><span class=key style='background:rgb({r},{g},{b})'></span>{}<td class={class}>{}<td>{:?}<td>{}\
+             <td class=n>{}<td class=n>{}<td class=n>{}<td class=n>{}<td class=n>{:.0}<td class=n>{:.2}<td class=n>{:.2}<td>{}</tr>",
+            escape(&item.object),
+            item.outcome.words(),
+            item.stage,
+            escape(&item.reason),
+            item.attempts,
+            mm(item.add_m),
+            mm(item.adds_m),
+            mm(item.slip_m),
+            item.peak_force_n,
+            item.estimate_s,
+            item.plan_s,
+            failed_clauses(item)
+        );
+    }
+    page.push_str("</table>");
+}
+
+fn failed_clauses(item: &ItemResult) -> String {
+    let c = item.clauses;
+    [
+        (c.opposing_contacts, "opposing contacts"),
+        (c.lifted_clear, "lifted clear"),
+        (c.held_after_carry, "held after carry"),
+        (c.in_bin, "at rest in the bin"),
+        (c.nothing_knocked_out, "nothing knocked out"),
+    ]
+    .iter()
+    .filter(|(holds, _)| !holds)
+    .map(|(_, name)| *name)
+    .collect::<Vec<_>>()
+    .join(", ")
+}
+
+fn figure(page: &mut String, png: &[u8], caption: &str) {
+    let data = base64::engine::general_purpose::STANDARD.encode(png);
+    let _ = write!(
+        page,
+        "<figure><img alt='{caption}' src='data:image/png;base64,{data}'><figcaption>{caption}</figcaption></figure>"
+    );
+}
+
+fn escape(text: &str) -> String {
+    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;").replace('\'', "&#39;")
+}

@@ -1,0 +1,129 @@
+//! A run folder that exists whole or not at all.
+//!
+//! Everything is written to a temporary folder beside the final one and renamed at the end, so that a kill, an error or
+//! a full disk leaves no half-written run.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, Result, bail};
+
+/// The file that marks a folder as one of ours, which may be replaced.
+const MARKS: [&str; 2] = ["result.json", "camera.json"];
+
+/// A run folder under construction; removed when dropped before [`RunDir::finish`].
+#[derive(Debug)]
+pub struct RunDir {
+    building: PathBuf,
+    target: PathBuf,
+    finished: bool,
+}
+
+impl RunDir {
+    /// Begins a run folder that will end at `target`.
+    ///
+    /// # Errors
+    /// When `target` may not be written to, or exists and is not an earlier run.
+    pub fn begin(target: &Path) -> Result<Self> {
+        if target.exists() && !replaceable(target) {
+            bail!("{}: exists and is not the folder of an earlier run; choose another --out", target.display());
+        }
+        let parent = match target.parent() {
+            Some(parent) if !parent.as_os_str().is_empty() => parent,
+            _ => Path::new("."),
+        };
+        let name = target
+            .file_name()
+            .with_context(|| format!("{}: not a folder name; choose another --out", target.display()))?;
+        fs::create_dir_all(parent).with_context(|| cannot_write(parent))?;
+        let building = parent.join(format!(".{}.{}.tmp", name.to_string_lossy(), std::process::id()));
+        if building.exists() {
+            fs::remove_dir_all(&building).with_context(|| cannot_write(&building))?;
+        }
+        fs::create_dir(&building).with_context(|| cannot_write(parent))?;
+        Ok(Self { building, target: target.to_path_buf(), finished: false })
+    }
+
+    /// Writes a file of the run; `name` may have folders.
+    ///
+    /// # Errors
+    /// When it cannot be written, such as on a full disk.
+    pub fn write(&self, name: &str, content: impl AsRef<[u8]>) -> Result<()> {
+        let path = self.building.join(name);
+        if let Some(folder) = path.parent() {
+            fs::create_dir_all(folder).with_context(|| cannot_write(folder))?;
+        }
+        fs::write(&path, content).with_context(|| cannot_write(&self.target.join(name)))
+    }
+
+    /// Puts the folder in its final place, in exchange for an earlier run there.
+    ///
+    /// # Errors
+    /// When it cannot be renamed.
+    pub fn finish(mut self) -> Result<PathBuf> {
+        // The earlier run moves aside first and is deleted last, so that at every moment a whole run is on disk.
+        let aside = self.building.with_extension("old.tmp");
+        if self.target.exists() {
+            fs::rename(&self.target, &aside).with_context(|| cannot_write(&self.target))?;
+        }
+        fs::rename(&self.building, &self.target).with_context(|| cannot_write(&self.target))?;
+        self.finished = true;
+        if aside.exists() {
+            fs::remove_dir_all(&aside).with_context(|| cannot_write(&aside))?;
+        }
+        Ok(self.target.clone())
+    }
+}
+
+impl Drop for RunDir {
+    fn drop(&mut self) {
+        if !self.finished {
+            let _ = fs::remove_dir_all(&self.building);
+        }
+    }
+}
+
+/// An empty folder, or one of ours.
+fn replaceable(target: &Path) -> bool {
+    let empty = fs::read_dir(target).is_ok_and(|mut entries| entries.next().is_none());
+    empty || (target.is_dir() && MARKS.iter().any(|mark| target.join(mark).exists()))
+}
+
+fn cannot_write(path: &Path) -> String {
+    format!("{}: cannot write; check permissions and free space, or choose another --out", path.display())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_run_appears_whole_or_not_at_all() {
+        let folder = tempfile::tempdir().unwrap();
+        let target = folder.path().join("deep/run");
+        let run = RunDir::begin(&target).unwrap();
+        run.write("frames/a.txt", "a").unwrap();
+        assert!(!target.exists());
+        drop(run);
+        assert_eq!(fs::read_dir(folder.path().join("deep")).unwrap().count(), 0);
+
+        let run = RunDir::begin(&target).unwrap();
+        run.write("result.json", "{}").unwrap();
+        run.finish().unwrap();
+        assert!(target.join("result.json").exists());
+        // An earlier run may be replaced, another folder may not.
+        RunDir::begin(&target).unwrap().finish().unwrap();
+        fs::write(target.join("thesis.txt"), "precious").unwrap();
+        let error = RunDir::begin(&target).unwrap_err().to_string();
+        assert!(error.contains("not the folder of an earlier run"), "{error}");
+    }
+
+    #[test]
+    fn a_file_in_the_way_is_named() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("file");
+        fs::write(&file, "").unwrap();
+        let error = format!("{:#}", RunDir::begin(&file.join("run")).unwrap_err());
+        assert!(error.contains("file") && error.contains("cannot write"), "{error}");
+    }
+}

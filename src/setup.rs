@@ -1,0 +1,151 @@
+//! Everything that a command line names, read and checked: scene, robot, objects, condition, renderer.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use anyhow::{Context, Result};
+use grip_sim::camera::Intrinsics;
+use grip_sim::condition::Condition;
+use grip_sim::frame::CameraFrame;
+use grip_sim::mesh::Visual;
+use grip_sim::objects::{ObjectLibrary, ObjectModel, resolve_set};
+use grip_sim::physics::{Dropped, World, drop_objects};
+use grip_sim::pose::{Camera, Pose, World as WorldFrame};
+use grip_sim::render::{self, Renderer, Rendering};
+use grip_sim::robot::{RobotConfig, RobotModel};
+use grip_sim::scene::Scene;
+use grip_sim::sensor::{self, depth::DepthNoise};
+use nalgebra::{Isometry3, Point3};
+
+use crate::assets;
+use crate::cli::SceneArgs;
+
+/// A resolved scene: nothing in it depends on the command line or the file system any more.
+pub struct Setup {
+    pub scene: Scene,
+    pub condition: Condition,
+    pub robot: Arc<RobotModel>,
+    pub config: Arc<RobotConfig>,
+    pub library: ObjectLibrary,
+    /// The scene's objects, in its order.
+    pub models: Vec<Arc<ObjectModel>>,
+    pub intrinsics: Intrinsics,
+    pub depth_noise: DepthNoise,
+    /// Start configuration: the scene's pose and torso, the head looking at the scene's point.
+    pub start: Vec<f64>,
+    pub seed: u64,
+    furniture: Vec<(Isometry3<f64>, Arc<Visual>)>,
+}
+
+impl Setup {
+    /// Reads all files that `args` names.
+    pub fn load(args: &SceneArgs) -> Result<Self> {
+        let path = match &args.scene {
+            Some(path) => path.clone(),
+            None => assets::find("scenes/grocery.toml")?,
+        };
+        let scene = Scene::load(&path)?;
+        let folder = path.parent().unwrap_or(Path::new("."));
+        let condition = load_condition(folder, &args.condition)?;
+        let urdf = args.robot.clone().unwrap_or_else(|| folder.join(&scene.robot.urdf));
+        let robot = Arc::new(RobotModel::load(&urdf, &args.package_path)?);
+        let config = Arc::new(RobotConfig::load(&folder.join(&scene.robot.config), &robot)?);
+        let library = open_library(args.ycb.clone(), folder)?;
+        let models = scene
+            .objects
+            .names
+            .iter()
+            .map(|name| library.load(name).with_context(|| format!("{}: objects.names", path.display())))
+            .collect::<Result<Vec<_>>>()?;
+        let depth_noise = DepthNoise::from_name(&scene.camera.depth_noise)
+            .with_context(|| format!("{}: camera.depth_noise", path.display()))?;
+        let start = start_configuration(&scene, &robot, &config)
+            .with_context(|| format!("{}: [robot]", path.display()))?;
+        let furniture = render::furniture(&scene.fixtures(), args.seed);
+        Ok(Self {
+            intrinsics: scene.camera.intrinsics.intrinsics(),
+            scene,
+            condition,
+            robot,
+            config,
+            library,
+            models,
+            depth_noise,
+            start,
+            seed: args.seed,
+            furniture,
+        })
+    }
+
+    /// Lays the objects out from the seed and settles them.
+    pub fn drop_objects(&self) -> Result<(World, Dropped)> {
+        let fresh = || World::new(&self.scene, self.robot.clone(), &self.config, self.start.clone());
+        Ok(drop_objects(&self.scene, &self.models, self.condition.placement, self.seed, fresh)?)
+    }
+
+    /// Takes a picture with the head camera as the robot stands. `shot` numbers the pictures of a run, so that each has
+    /// noise of its own.
+    pub fn capture(&self, world: &World, renderer: &mut dyn Renderer, shot: usize) -> Result<(CameraFrame, Rendering)> {
+        let view = world.render_scene(&self.furniture);
+        let mut random = grip_sim::rng::stream(self.seed, &format!("sensor/{shot}"));
+        Ok(sensor::capture(
+            renderer,
+            &view,
+            &self.condition,
+            &self.intrinsics,
+            &self.world_from_camera(world),
+            self.depth_noise,
+            &mut random,
+        )?)
+    }
+
+    /// The camera's pose by forward kinematics of the measured joints.
+    pub fn world_from_camera(&self, world: &World) -> Pose<WorldFrame, Camera> {
+        let base_from_camera = self.robot.fk_link(world.joints(), self.config.camera.optical_link);
+        Pose::new(self.scene.world_from_base().iso() * base_from_camera)
+    }
+}
+
+/// `scenes/objects.toml` beside the scene file, else the project's own.
+fn open_library(ycb: Option<PathBuf>, folder: &Path) -> Result<ObjectLibrary> {
+    let beside = folder.join("objects.toml");
+    let table = if beside.exists() { beside } else { assets::find("scenes/objects.toml")? };
+    Ok(ObjectLibrary::open(&table, resolve_set(ycb))?)
+}
+
+/// The object library without a scene.
+pub fn library(ycb: Option<PathBuf>) -> Result<ObjectLibrary> {
+    Ok(ObjectLibrary::open(&assets::find("scenes/objects.toml")?, resolve_set(ycb))?)
+}
+
+/// A path to a file, or a name in the folder `conditions` beside the scene, else in the project's own.
+fn load_condition(folder: &Path, name: &str) -> Result<Condition> {
+    if name.ends_with(".toml") {
+        return Ok(Condition::load(Path::new(name))?);
+    }
+    let beside = folder.join("conditions");
+    let conditions = if beside.is_dir() { beside } else { assets::find("scenes/conditions")? };
+    Ok(Condition::load_named(&conditions, name)?)
+}
+
+fn start_configuration(scene: &Scene, robot: &RobotModel, config: &RobotConfig) -> Result<Vec<f64>> {
+    let mut q = config.configuration(robot, &scene.robot.start_pose)?;
+    if let Some(torso) = config.arm_with_torso.iter().find(|joint| !config.arm.contains(joint)) {
+        let limits = robot.joints()[*torso].limits;
+        let height = scene.robot.torso;
+        anyhow::ensure!(
+            limits.contains(height),
+            "torso = {height}: outside the limits of {} ({} to {} m)",
+            robot.joints()[*torso].name,
+            limits.lower,
+            limits.upper
+        );
+        q[*torso] = height;
+    }
+    for finger in config.gripper.fingers {
+        q[finger] = config.gripper.opening / 2.0;
+    }
+    let [x, y, z] = scene.robot.look_at;
+    let target = scene.world_from_base().inverse().transform_point(&Point3::new(x, y, z));
+    Ok(config.look_at(robot, &q, &target))
+}
