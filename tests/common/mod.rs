@@ -1,0 +1,47 @@
+//! Running the program as a user does.
+
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+
+/// The project's root.
+pub fn root() -> PathBuf {
+    PathBuf::from(env!("CARGO_MANIFEST_DIR"))
+}
+
+/// Runs `grip` in the project's root, without scanned objects.
+pub fn grip(args: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_grip"))
+        .args(args)
+        .current_dir(root())
+        .env_remove("GRIP_YCB_DIR")
+        .output()
+        .expect("grip starts")
+}
+
+/// Exit code, which is never a signal or a panic (101).
+pub fn code(output: &Output) -> i32 {
+    let code = output.status.code().expect("ended by itself");
+    assert_ne!(code, 101, "panicked: {}", stderr(output));
+    code
+}
+
+/// Standard error as text.
+pub fn stderr(output: &Output) -> String {
+    String::from_utf8_lossy(&output.stderr).into_owned()
+}
+
+/// Standard output as text.
+pub fn stdout(output: &Output) -> String {
+    String::from_utf8_lossy(&output.stdout).into_owned()
+}
+
+/// A copy of the default scene in `folder` with `edit` applied; its robot and conditions are named by absolute paths.
+#[allow(dead_code)]
+pub fn edited_scene(folder: &Path, edit: impl Fn(String) -> String) -> PathBuf {
+    let text = std::fs::read_to_string(root().join("scenes/grocery.toml")).expect("default scene");
+    let robots = root().join("robots");
+    let text = text.replace("../robots", robots.to_str().expect("UTF-8 path"));
+    let path = folder.join("scene.toml");
+    std::fs::write(&path, edit(text)).expect("writable");
+    path
+}
