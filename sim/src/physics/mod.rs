@@ -16,6 +16,8 @@ mod contacts;
 mod placement;
 mod robot_body;
 mod view;
+#[cfg(test)]
+mod tests;
 mod world;
 
 pub use contacts::{Body, FingerContact, ObjectContacts};

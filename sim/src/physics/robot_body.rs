@@ -130,7 +130,6 @@ pub(super) struct RobotBody {
     world_from_base: Isometry3<f64>,
     /// Gripper link index.
     gripper: usize,
-    gripper_body: RigidBodyHandle,
     links: Vec<LinkBody>,
     pub fingers: [Finger; 2],
     /// Measured joint positions, all movable joints.
@@ -139,7 +138,6 @@ pub(super) struct RobotBody {
     /// The previous step's target, for feed-forward of its velocity.
     target: Vec<f64>,
     acceleration: Vec<f64>,
-    grip: Grip,
     finger_target: f64,
     pub stop: Option<Stop>,
     /// World poses of all links at `q`, fingers as physics has them.
@@ -195,14 +193,12 @@ impl RobotBody {
         let finger_target = q[finger_joints[0]];
         Ok(Self {
             gripper,
-            gripper_body,
             links,
             fingers: [right?, left?],
             qd: vec![0.0; q.len()],
             target: q.clone(),
             q,
             acceleration,
-            grip: Grip::Open { width: 2.0 * finger_target },
             finger_target,
             stop: None,
             link_poses,
@@ -252,7 +248,6 @@ impl RobotBody {
     /// Both drives follow one target, so that the fingers stay centred as the real controller keeps them. When closing
     /// the target runs ahead of the fingers until the spring between them presses with the wanted force.
     fn drive_fingers(&mut self, physics: &mut PhysicsWorld, grip: Grip, dt: f64) {
-        self.grip = grip;
         let mean = (self.q[self.fingers[0].joint] + self.q[self.fingers[1].joint]) / 2.0;
         let step = self.fingers[0].speed * dt;
         let (goal, force) = match grip {
@@ -309,7 +304,7 @@ impl RobotBody {
                     use parry3d::bounding_volume::BoundingVolume;
                     if bounds.intersects(&fixed_solid.compute_aabb(fixed_pose))
                         && parry3d::query::intersection_test(&pose, &**solid, fixed_pose, &**fixed_solid)
-                            .unwrap_or(true)
+                            .is_ok_and(|test| test.intersecting)
                     {
                         return Some(Stop::Collision { link: self.model.links()[link.link].name.clone() });
                     }
@@ -338,12 +333,6 @@ impl RobotBody {
     pub fn grip_force(&self) -> f64 {
         let [right, left] = self.finger_positions();
         f64::from(FINGER_STIFFNESS) * ((right + left) / 2.0 - self.finger_target)
-    }
-
-    /// The gripper link's body, for tests of tracking.
-    #[cfg(test)]
-    pub fn gripper_body(&self) -> RigidBodyHandle {
-        self.gripper_body
     }
 }
 

@@ -13,7 +13,7 @@ use crate::error::{Error, Result};
 use crate::objects::ObjectModel;
 use crate::pose::{Object, Pose as FramePose, World as WorldFrame};
 use crate::robot::{RobotConfig, RobotModel};
-use crate::scene::{Fixture, Scene};
+use crate::scene::Scene;
 
 /// Physics steps a second, and control steps: measured as the coarsest step at which grasps hold without creep.
 pub const STEP_HZ: u32 = 240;
@@ -48,7 +48,6 @@ pub struct World {
     pub(super) robot: RobotBody,
     pub(super) robot_model: Arc<RobotModel>,
     pub(super) objects: Vec<ObjectBody>,
-    pub(super) fixtures: Vec<Fixture>,
     fixed: Vec<(Pose, SharedShape)>,
     contacts: Contacts,
     steps: u64,
@@ -84,7 +83,6 @@ impl World {
             robot: robot_body,
             robot_model: robot,
             objects: Vec::new(),
-            fixtures,
             fixed,
             contacts: Contacts::default(),
             steps: 0,
