@@ -1,0 +1,193 @@
+//! Meshes that a URDF names: STL, COLLADA and OBJ, by file ending.
+//!
+//! Texts of errors here say what is wrong with the file; the caller adds file, link and URDF.
+
+use std::path::Path;
+use std::sync::Arc;
+
+use image::RgbImage;
+use nalgebra::{Point3, Vector3};
+
+use super::collada;
+use crate::mesh::{Material, Mesh};
+
+/// One mesh of a file, with the material that the file gives it.
+#[derive(Debug)]
+pub(super) struct Part {
+    pub mesh: Mesh,
+    /// `None` when the file has none: the URDF's material applies.
+    pub material: Option<Material>,
+}
+
+/// Reads all parts of a mesh file, scaled along the axes.
+pub(super) fn load(path: &Path, scale: &Vector3<f64>) -> Result<Vec<Part>, String> {
+    let ending = path
+        .extension()
+        .and_then(|ending| ending.to_str())
+        .unwrap_or("")
+        .to_ascii_lowercase();
+    let mut parts = match ending.as_str() {
+        "stl" => stl(&read(path)?)?,
+        "dae" => collada::load(&read(path)?, path.parent())?,
+        "obj" => obj(path)?,
+        _ => {
+            return Err(format!(
+                "mesh format '{ending}' is not supported; convert it to .stl, .dae or .obj"
+            ));
+        }
+    };
+    parts.retain(|part| !part.mesh.triangles.is_empty());
+    if parts.is_empty() {
+        return Err("holds no triangles".into());
+    }
+    for part in &mut parts {
+        finish(&mut part.mesh, scale)?;
+    }
+    Ok(parts)
+}
+
+fn read(path: &Path) -> Result<Vec<u8>, String> {
+    std::fs::read(path).map_err(|error| error.to_string())
+}
+
+/// Checks indices and numbers, applies the scale, and sees to it that every vertex has a unit normal.
+fn finish(mesh: &mut Mesh, scale: &Vector3<f64>) -> Result<(), String> {
+    let count = mesh.positions.len();
+    if mesh.triangles.iter().flatten().any(|&i| i as usize >= count) {
+        return Err(format!("a triangle names a vertex beyond the {count} there are"));
+    }
+    let scale32 = scale.cast::<f32>();
+    for p in &mut mesh.positions {
+        p.coords.component_mul_assign(&scale32);
+        // A part of a robot a kilometre away is a slip of units, and overflows what comes after.
+        if !p.coords.iter().all(|v| v.is_finite() && v.abs() < 1e3) {
+            return Err(format!(
+                "vertex ({}, {}, {}) is not finite or farther than 1 km; check the file and the scale",
+                p.x, p.y, p.z
+            ));
+        }
+    }
+    if scale.product() < 0.0 {
+        // A mirror turns the surface inside out: wind it back.
+        for triangle in &mut mesh.triangles {
+            triangle.swap(1, 2);
+        }
+    }
+    if mesh.normals.len() == count {
+        for normal in &mut mesh.normals {
+            normal.component_div_assign(&scale32);
+        }
+    } else {
+        mesh.normals = vec![Vector3::zeros(); count];
+        facet_normals(mesh);
+    }
+    // A normal of length zero or NaN gives way to that of its facet.
+    if mesh.normals.iter().any(|n| !(n.norm() > 1e-6)) {
+        facet_normals(mesh);
+    }
+    for normal in &mut mesh.normals {
+        *normal = normal.try_normalize(1e-12).unwrap_or_else(Vector3::z);
+    }
+    Ok(())
+}
+
+/// Fills in missing normals with the area-weighted mean of the facets around.
+fn facet_normals(mesh: &mut Mesh) {
+    let missing: Vec<bool> = mesh.normals.iter().map(|n| !(n.norm() > 1e-6)).collect();
+    for (normal, &missing) in mesh.normals.iter_mut().zip(&missing) {
+        if missing {
+            *normal = Vector3::zeros();
+        }
+    }
+    for t in &mesh.triangles {
+        let [a, b, c] = t.map(|i| mesh.positions[i as usize]);
+        let facet = (b - a).cross(&(c - a));
+        for &i in t {
+            if missing[i as usize] {
+                mesh.normals[i as usize] += facet;
+            }
+        }
+    }
+}
+
+fn stl(bytes: &[u8]) -> Result<Vec<Part>, String> {
+    const HEADER: usize = 84;
+    const TRIANGLE: usize = 50;
+    let starts_as_text = bytes.trim_ascii_start().starts_with(b"solid");
+    // mesh-loader counts a binary file's triangles by its length; a file that was cut off would pass for a smaller one.
+    if let (false, Some(&[a, b, c, d])) = (starts_as_text, bytes.get(80..HEADER)) {
+        let expected = u32::from_le_bytes([a, b, c, d]) as usize;
+        let found = (bytes.len() - HEADER) / TRIANGLE;
+        if found < expected {
+            return Err(format!(
+                "binary STL is cut off: {found} of {expected} triangles"
+            ));
+        }
+    }
+    let scene = mesh_loader::stl::from_slice(bytes).map_err(|error| error.to_string())?;
+    Ok(scene
+        .meshes
+        .into_iter()
+        .map(|mesh| Part {
+            mesh: Mesh {
+                positions: mesh.vertices.into_iter().map(Point3::from).collect(),
+                // Exporters leave them zero or wrong: they are computed from the facets.
+                normals: Vec::new(),
+                uvs: Vec::new(),
+                colors: Vec::new(),
+                triangles: mesh.faces,
+            },
+            material: None,
+        })
+        .collect())
+}
+
+fn obj(path: &Path) -> Result<Vec<Part>, String> {
+    let (models, materials) =
+        tobj::load_obj(path, &tobj::GPU_LOAD_OPTIONS).map_err(|error| error.to_string())?;
+    let materials = materials.map_err(|error| format!("its material library: {error}"))?;
+    let folder = path.parent();
+    models
+        .into_iter()
+        .map(|model| {
+            let mesh = model.mesh;
+            let triples = |values: &[f32]| -> Vec<[f32; 3]> {
+                values.as_chunks::<3>().0.to_vec()
+            };
+            let material = mesh
+                .material_id
+                .and_then(|id| materials.get(id))
+                .map(|material| {
+                    Ok::<_, String>(Material {
+                        base_color: material.diffuse.unwrap_or([1.0; 3]),
+                        texture: match &material.diffuse_texture {
+                            Some(name) => Some(texture(name, folder)?),
+                            None => None,
+                        },
+                        ..Material::default()
+                    })
+                })
+                .transpose()?;
+            Ok(Part {
+                mesh: Mesh {
+                    positions: triples(&mesh.positions).into_iter().map(Point3::from).collect(),
+                    normals: triples(&mesh.normals).into_iter().map(Vector3::from).collect(),
+                    // OBJ's v points up, ours down.
+                    uvs: mesh.texcoords.as_chunks::<2>().0.iter().map(|&[u, v]| [u, 1.0 - v]).collect(),
+                    colors: Vec::new(),
+                    triangles: mesh.indices.as_chunks::<3>().0.to_vec(),
+                },
+                material,
+            })
+        })
+        .collect()
+}
+
+/// A texture beside the mesh file.
+pub(super) fn texture(name: &str, folder: Option<&Path>) -> Result<Arc<RgbImage>, String> {
+    let name = name.strip_prefix("file://").unwrap_or(name).replace('\\', "/");
+    let path = folder.unwrap_or(Path::new(".")).join(&name);
+    let image = image::open(&path)
+        .map_err(|error| format!("texture {}: {error}; PNG and JPEG are supported", path.display()))?;
+    Ok(Arc::new(image.to_rgb8()))
+}

@@ -1,0 +1,103 @@
+//! Where a mesh named in a URDF lies on disk.
+
+use std::path::{Path, PathBuf};
+
+/// Environment variable searched when no package paths are given, as ROS does.
+const ROS_PACKAGE_PATH: &str = "ROS_PACKAGE_PATH";
+
+/// Turns `package://`, `file://` and relative names into paths.
+pub(super) struct Resolver {
+    urdf_folder: PathBuf,
+    package_paths: Vec<PathBuf>,
+}
+
+impl Resolver {
+    pub fn new(urdf: &Path, package_paths: &[PathBuf]) -> Self {
+        let package_paths = if package_paths.is_empty() {
+            std::env::var_os(ROS_PACKAGE_PATH)
+                .map(|paths| std::env::split_paths(&paths).collect())
+                .unwrap_or_default()
+        } else {
+            package_paths.to_vec()
+        };
+        Self {
+            urdf_folder: urdf
+                .parent()
+                .filter(|folder| !folder.as_os_str().is_empty())
+                .unwrap_or(Path::new("."))
+                .to_path_buf(),
+            package_paths,
+        }
+    }
+
+    /// The file that `name` means. It may not exist; a package must.
+    pub fn resolve(&self, name: &str) -> Result<PathBuf, String> {
+        if let Some(rest) = name.strip_prefix("package://") {
+            let Some((package, inside)) = rest.split_once('/') else {
+                return Err(format!(
+                    "'{name}' names no file; expected package://PACKAGE/PATH"
+                ));
+            };
+            return match self.package(package) {
+                Some(folder) => Ok(folder.join(inside)),
+                None => Err(format!(
+                    "package '{package}' not found; searched {}; give the folder of the package, or the one that contains it, as a package path or in {ROS_PACKAGE_PATH}",
+                    self.searched()
+                )),
+            };
+        }
+        if let Some(path) = name.strip_prefix("file://") {
+            // file://localhost/path is the same as file:///path.
+            return Ok(PathBuf::from(path.strip_prefix("localhost").unwrap_or(path)));
+        }
+        if let Some((scheme, _)) = name.split_once("://") {
+            return Err(format!(
+                "'{name}': scheme '{scheme}' is not supported; use package://, file:// or a path relative to the URDF"
+            ));
+        }
+        Ok(self.urdf_folder.join(name))
+    }
+
+    fn package(&self, package: &str) -> Option<PathBuf> {
+        let given = self.package_paths.iter().find_map(|path| {
+            let inside = path.join(package);
+            if inside.is_dir() {
+                Some(inside)
+            } else {
+                is_package(path, package).then(|| path.clone())
+            }
+        });
+        // A URDF usually lies in the package that it names.
+        given.or_else(|| {
+            let folder = std::path::absolute(&self.urdf_folder).ok()?;
+            folder
+                .ancestors()
+                .find(|above| is_package(above, package))
+                .map(Path::to_path_buf)
+        })
+    }
+
+    fn searched(&self) -> String {
+        let mut places: Vec<String> = self
+            .package_paths
+            .iter()
+            .map(|path| path.display().to_string())
+            .collect();
+        places.push(format!("the folders above {}", self.urdf_folder.display()));
+        places.join(", ")
+    }
+}
+
+/// Whether a folder is the package: by its own name, or by the `<name>` in its `package.xml`.
+fn is_package(folder: &Path, package: &str) -> bool {
+    if folder.is_dir() && folder.file_name().is_some_and(|name| name == package) {
+        return true;
+    }
+    let Ok(manifest) = std::fs::read_to_string(folder.join("package.xml")) else {
+        return false;
+    };
+    manifest
+        .split_once("<name>")
+        .and_then(|(_, rest)| rest.split_once("</name>"))
+        .is_some_and(|(name, _)| name.trim() == package)
+}
