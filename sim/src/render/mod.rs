@@ -3,6 +3,15 @@
 //! Two implementations of [`Renderer`] draw the same thing: `wgpu` on any Vulkan, Metal or DX12 adapter, and `cpu`, a
 //! ray caster that needs none and is the oracle for the first. Use [`open`] to choose one.
 
+mod bvh;
+mod check;
+pub mod cpu;
+mod pyramid;
+mod shading;
+pub(crate) mod srgb;
+pub mod textures;
+pub mod wgpu;
+
 use std::sync::Arc;
 
 use nalgebra::{Isometry3, Vector3};
@@ -10,9 +19,32 @@ use serde::{Deserialize, Serialize};
 
 use crate::camera::Intrinsics;
 use crate::error::Result;
-use crate::images::{DepthImage, LabelImage, RadianceImage};
+use crate::images::{DepthImage, Image, LabelImage, RadianceImage};
 use crate::mesh::Visual;
 use crate::pose::{Camera, Pose, World};
+
+pub use self::shading::MAX_LIGHTS;
+
+/// Nothing nearer to the camera than this along its axis is drawn, metres: the camera looks out through its own housing.
+pub const NEAR: f64 = 0.02;
+
+/// Opens a renderer. [`RendererChoice::Auto`] falls back to the CPU, saying so in one log line.
+///
+/// # Errors
+/// With [`RendererChoice::Wgpu`], when there is no graphics adapter that will do.
+pub fn open(choice: RendererChoice) -> Result<Box<dyn Renderer>> {
+    match choice {
+        RendererChoice::Cpu => Ok(Box::new(cpu::CpuRenderer::new())),
+        RendererChoice::Wgpu => Ok(Box::new(wgpu::WgpuRenderer::new()?)),
+        RendererChoice::Auto => match wgpu::WgpuRenderer::new() {
+            Ok(renderer) => Ok(Box::new(renderer)),
+            Err(error) => {
+                log::warn!("{error}; drawing on the CPU instead");
+                Ok(Box::new(cpu::CpuRenderer::new()))
+            }
+        },
+    }
+}
 
 /// A mesh at a place in the world.
 #[derive(Debug, Clone)]
@@ -42,21 +74,37 @@ pub struct Light {
     pub target: Vector3<f64>,
     /// Luminous intensity on the axis, candela.
     pub intensity_cd: f64,
-    /// Linear RGB, brightest channel 1.
+    /// Linear RGB, brightest channel 1. White unless given.
+    #[serde(default = "white")]
     pub color: [f64; 3],
-    /// Half angle of the cone in radians; a value of pi shines everywhere.
+    /// Half angle of the cone in radians; a value of pi, the default, shines everywhere.
+    #[serde(default = "everywhere")]
     pub half_angle: f64,
-    /// Whether it casts shadows.
+    /// Whether it casts shadows. True unless given.
+    #[serde(default = "casts_shadows")]
     pub shadows: bool,
+}
+
+fn white() -> [f64; 3] {
+    [1.0; 3]
+}
+
+fn everywhere() -> f64 {
+    std::f64::consts::PI
+}
+
+fn casts_shadows() -> bool {
+    true
 }
 
 /// The light in the room.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Lighting {
-    /// Illuminance of the uniform ambient light on a surface, lux.
+    /// Illuminance of the ambient light on a surface that faces up, lux; surfaces that face down get 40 % of it.
     pub ambient_lux: f64,
-    /// Up to four sources.
+    /// Up to four sources. None unless given.
+    #[serde(default)]
     pub lights: Vec<Light>,
 }
 
@@ -70,13 +118,16 @@ pub struct Rendering {
     /// [`Instance::label`] of the nearest surface.
     pub labels: LabelImage,
     /// Cosine of the angle between surface normal and viewing ray, 0 where nothing is hit; depth noise needs it.
-    pub cos_incidence: crate::images::Image<f32>,
+    pub cos_incidence: Image<f32>,
 }
 
 /// Draws scenes. Same input, same output, to the bit, on the same renderer and machine.
-pub trait Renderer {
+pub trait Renderer: Send {
     /// `wgpu` or `cpu`.
     fn name(&self) -> &'static str;
+
+    /// What it runs on, for people: the adapter and its driver, or the CPU.
+    fn device(&self) -> String;
 
     /// Draws `scene` from `world_from_camera`.
     ///

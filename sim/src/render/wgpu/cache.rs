@@ -1,0 +1,232 @@
+//! Meshes and textures on the device, uploaded once and found again by the identity of their `Arc`.
+
+use std::collections::HashMap;
+use std::sync::Arc;
+
+use bytemuck::{Pod, Zeroable};
+use image::RgbImage;
+use nalgebra::Point3;
+use wgpu::util::{BufferInitDescriptor, DeviceExt};
+use wgpu::{
+    AddressMode, BindGroup, BindGroupDescriptor, BindGroupEntry, BindGroupLayout, BindingResource,
+    Buffer, BufferUsages, Extent3d, FilterMode, MipmapFilterMode, Origin3d, Sampler,
+    SamplerDescriptor, TexelCopyBufferLayout, TexelCopyTextureInfo, TextureAspect,
+    TextureDescriptor, TextureDimension, TextureFormat, TextureUsages, TextureViewDescriptor,
+};
+
+use super::device::Gpu;
+use crate::error::Result;
+use crate::mesh::Mesh;
+use crate::render::check::check_mesh;
+use crate::render::pyramid::{MAX_ANISOTROPY, Pyramid};
+use crate::render::srgb::LINEAR_OF_8BIT;
+
+/// A vertex as `scene.wgsl` reads it.
+#[derive(Clone, Copy, Pod, Zeroable)]
+#[repr(C)]
+pub(super) struct Vertex {
+    position: [f32; 3],
+    normal: [f32; 3],
+    uv: [f32; 2],
+    /// Linear light in 65535 steps, so that it is interpolated in linear light.
+    color: [u16; 4],
+}
+
+/// A mesh on the device.
+pub(super) struct GpuMesh {
+    pub vertices: Buffer,
+    pub indices: Buffer,
+    pub index_count: u32,
+    /// Bounding sphere in the mesh's frame.
+    pub center: Point3<f64>,
+    pub radius: f64,
+}
+
+/// Everything uploaded so far. It holds the `Arc`s, so that an address is never used twice.
+pub(super) struct Cache {
+    meshes: HashMap<usize, (Arc<Mesh>, GpuMesh)>,
+    textures: HashMap<usize, (Arc<RgbImage>, BindGroup)>,
+    white: BindGroup,
+    sampler: Sampler,
+}
+
+/// Names a mesh or texture in the cache.
+pub(super) fn key<T>(item: &Arc<T>) -> usize {
+    Arc::as_ptr(item) as usize
+}
+
+impl Cache {
+    pub fn new(gpu: &Gpu, layout: &BindGroupLayout) -> Self {
+        let sampler = gpu.device.create_sampler(&SamplerDescriptor {
+            label: Some("texture"),
+            address_mode_u: AddressMode::Repeat,
+            address_mode_v: AddressMode::Repeat,
+            mag_filter: FilterMode::Linear,
+            min_filter: FilterMode::Linear,
+            mipmap_filter: MipmapFilterMode::Linear,
+            anisotropy_clamp: MAX_ANISOTROPY,
+            ..Default::default()
+        });
+        let white = RgbImage::from_pixel(1, 1, image::Rgb([255; 3]));
+        let white = upload_texture(gpu, layout, &sampler, Pyramid::new(&white));
+        Self {
+            meshes: HashMap::new(),
+            textures: HashMap::new(),
+            white,
+            sampler,
+        }
+    }
+
+    /// Drops what nobody else holds any more and so cannot come back.
+    pub fn forget_unused(&mut self) {
+        self.meshes.retain(|_, (arc, _)| Arc::strong_count(arc) > 1);
+        self.textures
+            .retain(|_, (arc, _)| Arc::strong_count(arc) > 1);
+    }
+
+    pub fn add_mesh(&mut self, gpu: &Gpu, mesh: &Arc<Mesh>) -> Result<()> {
+        if !self.meshes.contains_key(&key(mesh)) {
+            check_mesh("wgpu", mesh)?;
+            self.meshes
+                .insert(key(mesh), (mesh.clone(), upload_mesh(gpu, mesh)));
+        }
+        Ok(())
+    }
+
+    pub fn add_texture(&mut self, gpu: &Gpu, layout: &BindGroupLayout, image: &Arc<RgbImage>) {
+        self.textures.entry(key(image)).or_insert_with(|| {
+            let group = upload_texture(gpu, layout, &self.sampler, Pyramid::new(image));
+            (image.clone(), group)
+        });
+    }
+
+    /// The mesh; it must have been added.
+    pub fn mesh(&self, mesh: &Arc<Mesh>) -> &GpuMesh {
+        &self.meshes[&key(mesh)].1
+    }
+
+    /// The texture, or white where there is none.
+    pub fn texture(&self, image: Option<&Arc<RgbImage>>) -> &BindGroup {
+        image
+            .and_then(|image| self.textures.get(&key(image)))
+            .map_or(&self.white, |(_, group)| group)
+    }
+}
+
+fn upload_mesh(gpu: &Gpu, mesh: &Mesh) -> GpuMesh {
+    let vertices: Vec<Vertex> = (0..mesh.positions.len())
+        .map(|i| {
+            let color = mesh.colors.get(i).map_or([u16::MAX; 3], |srgb| {
+                srgb.map(|c| (LINEAR_OF_8BIT[c as usize] * 65535.0 + 0.5) as u16)
+            });
+            Vertex {
+                position: mesh.positions[i].coords.into(),
+                normal: mesh.normals[i].into(),
+                uv: mesh.uvs.get(i).copied().unwrap_or_default(),
+                color: [color[0], color[1], color[2], u16::MAX],
+            }
+        })
+        .collect();
+    let buffer = |label, contents: &[u8], usage| {
+        gpu.device.create_buffer_init(&BufferInitDescriptor {
+            label: Some(label),
+            contents,
+            usage,
+        })
+    };
+    let positions = || mesh.positions.iter().map(|p| p.cast::<f64>());
+    let (low, high) = positions().fold(
+        (
+            Point3::from([f64::INFINITY; 3]),
+            Point3::from([f64::NEG_INFINITY; 3]),
+        ),
+        |(low, high), p| (low.inf(&p), high.sup(&p)),
+    );
+    let center = nalgebra::center(&low, &high);
+    GpuMesh {
+        vertices: buffer("vertices", bytemuck::cast_slice(&vertices), BufferUsages::VERTEX),
+        indices: buffer(
+            "indices",
+            bytemuck::cast_slice(&mesh.triangles),
+            BufferUsages::INDEX,
+        ),
+        index_count: 3 * mesh.triangles.len() as u32,
+        center,
+        radius: positions()
+            .map(|p| nalgebra::distance(&p, &center))
+            .fold(0.0, f64::max),
+    }
+}
+
+/// Uploads all levels; white where there is no picture.
+fn upload_texture(
+    gpu: &Gpu,
+    layout: &BindGroupLayout,
+    sampler: &Sampler,
+    pyramid: Option<Pyramid>,
+) -> BindGroup {
+    let levels = pyramid.map(|p| p.levels).unwrap_or_default();
+    let (width, height) = levels.first().map_or((1, 1), |l| (l.width, l.height));
+    let texture = gpu.device.create_texture(&TextureDescriptor {
+        label: Some("texture"),
+        size: Extent3d {
+            width,
+            height,
+            depth_or_array_layers: 1,
+        },
+        mip_level_count: levels.len().max(1) as u32,
+        sample_count: 1,
+        dimension: TextureDimension::D2,
+        format: TextureFormat::Rgba8UnormSrgb,
+        usage: TextureUsages::TEXTURE_BINDING | TextureUsages::COPY_DST,
+        view_formats: &[],
+    });
+    let write = |mip_level, width, height, rgba: &[u8]| {
+        gpu.queue.write_texture(
+            TexelCopyTextureInfo {
+                texture: &texture,
+                mip_level,
+                origin: Origin3d::ZERO,
+                aspect: TextureAspect::All,
+            },
+            rgba,
+            TexelCopyBufferLayout {
+                offset: 0,
+                bytes_per_row: Some(4 * width),
+                rows_per_image: None,
+            },
+            Extent3d {
+                width,
+                height,
+                depth_or_array_layers: 1,
+            },
+        );
+    };
+    if levels.is_empty() {
+        write(0, 1, 1, &[255; 4]);
+    }
+    for (i, level) in levels.iter().enumerate() {
+        let rgba: Vec<u8> = level
+            .texels
+            .iter()
+            .flat_map(|&[r, g, b]| [r, g, b, 255])
+            .collect();
+        write(i as u32, level.width, level.height, &rgba);
+    }
+    gpu.device.create_bind_group(&BindGroupDescriptor {
+        label: Some("texture"),
+        layout,
+        entries: &[
+            BindGroupEntry {
+                binding: 0,
+                resource: BindingResource::TextureView(
+                    &texture.create_view(&TextureViewDescriptor::default()),
+                ),
+            },
+            BindGroupEntry {
+                binding: 1,
+                resource: BindingResource::Sampler(sampler),
+            },
+        ],
+    })
+}

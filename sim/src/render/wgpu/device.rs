@@ -1,0 +1,106 @@
+//! Finding an adapter and opening it, without a window.
+
+use std::sync::{Arc, Mutex, PoisonError};
+
+use wgpu::{
+    Adapter, Backends, Device, DeviceDescriptor, DeviceType, Features, Instance,
+    InstanceDescriptor, InstanceFlags, Limits, Queue,
+};
+
+use super::failed;
+use crate::error::Result;
+
+/// An open graphics device.
+pub(super) struct Gpu {
+    pub device: Device,
+    pub queue: Queue,
+    pub limits: Limits,
+    /// Adapter, driver and interface, for people.
+    pub info: String,
+    /// The first error that the device reported outside a call; later ones follow from it.
+    fault: Arc<Mutex<Option<String>>>,
+}
+
+impl Gpu {
+    /// Opens the best adapter: a discrete GPU before an integrated one before a software one.
+    pub fn open() -> Result<Self> {
+        let instance = Instance::new(InstanceDescriptor {
+            backends: Backends::PRIMARY,
+            // No validation layers and no debug markers: they cost time and some print to stderr.
+            flags: InstanceFlags::empty(),
+            ..InstanceDescriptor::new_without_display_handle()
+        });
+        let mut adapters = pollster::block_on(instance.enumerate_adapters(Backends::PRIMARY));
+        adapters.sort_by_key(|adapter| preference(adapter.get_info().device_type));
+        let mut refusals = Vec::new();
+        for adapter in adapters {
+            match Self::open_adapter(&adapter) {
+                Ok(gpu) => return Ok(gpu),
+                Err(refusal) => refusals.push(format!("{}: {refusal}", adapter.get_info().name)),
+            }
+        }
+        let found = if refusals.is_empty() {
+            "no graphics adapter found".to_owned()
+        } else {
+            format!("no usable graphics adapter ({})", refusals.join("; "))
+        };
+        Err(failed(format!(
+            "{found}; install a Vulkan driver (software is enough: mesa-vulkan-drivers on Debian and Ubuntu), or use --renderer cpu"
+        )))
+    }
+
+    fn open_adapter(adapter: &Adapter) -> std::result::Result<Self, String> {
+        let limits = Limits::downlevel_defaults().using_resolution(adapter.limits());
+        let (device, queue) = pollster::block_on(adapter.request_device(&DeviceDescriptor {
+            label: Some("grip"),
+            required_features: Features::empty(),
+            required_limits: limits.clone(),
+            ..Default::default()
+        }))
+        .map_err(|error| error.to_string())?;
+        let fault = Arc::new(Mutex::new(None));
+        // By default wgpu panics on these.
+        let slot = fault.clone();
+        device.on_uncaptured_error(Arc::new(move |error| record(&slot, error.to_string())));
+        let slot = fault.clone();
+        device.set_device_lost_callback(move |_, message| {
+            record(&slot, format!("device lost: {message}"));
+        });
+        let info = adapter.get_info();
+        Ok(Self {
+            device,
+            queue,
+            limits,
+            info: format!(
+                "{} ({:?}, {:?}, {} {})",
+                info.name, info.device_type, info.backend, info.driver, info.driver_info
+            ),
+            fault,
+        })
+    }
+
+    /// An error if the device has reported one since it was opened.
+    pub fn check(&self) -> Result<()> {
+        let fault = self.fault.lock().unwrap_or_else(PoisonError::into_inner);
+        fault.as_ref().map_or(Ok(()), |message| {
+            Err(failed(format!(
+                "{message}; the driver may be at fault, try --renderer cpu"
+            )))
+        })
+    }
+}
+
+fn record(slot: &Mutex<Option<String>>, message: String) {
+    let mut fault = slot.lock().unwrap_or_else(PoisonError::into_inner);
+    fault.get_or_insert(message);
+}
+
+fn preference(device: DeviceType) -> u8 {
+    match device {
+        DeviceType::DiscreteGpu => 0,
+        DeviceType::IntegratedGpu => 1,
+        DeviceType::VirtualGpu => 2,
+        DeviceType::Other => 3,
+        DeviceType::Cpu => 4,
+    }
+}

@@ -1,0 +1,181 @@
+//! The images that are drawn into, and their way back to main memory.
+
+use wgpu::{
+    Buffer, BufferDescriptor, BufferUsages, CommandEncoder, Extent3d, MapMode, PollType,
+    TexelCopyBufferInfo, TexelCopyBufferLayout, Texture, TextureDescriptor, TextureDimension,
+    TextureFormat, TextureUsages, TextureView, TextureViewDescriptor, TextureViewDimension,
+};
+
+use super::device::Gpu;
+use super::failed;
+use super::pipelines::{COLOR, COS, DEPTH, DEPTH_BUFFER, LABELS};
+use crate::error::Result;
+
+/// Rows in a copy start at multiples of this many bytes (`COPY_BYTES_PER_ROW_ALIGNMENT`).
+const ROW_ALIGNMENT: usize = 256;
+
+/// Targets for one image size.
+pub(super) struct Targets {
+    pub width: usize,
+    pub height: usize,
+    pub geometry_depth: TextureView,
+    pub color_depth: TextureView,
+    pub depth: TextureView,
+    pub labels: TextureView,
+    pub cos: TextureView,
+    /// One sample a pixel: what is read back.
+    pub color: TextureView,
+    /// Several samples a pixel, resolved into `color`.
+    pub multisampled: Option<TextureView>,
+    readback: Buffer,
+    /// In the buffer's order.
+    copies: [Copy; 4],
+}
+
+/// A texture that is read back, and where in the buffer it goes.
+struct Copy {
+    texture: Texture,
+    offset: usize,
+    pixel: usize,
+    row: usize,
+}
+
+impl Targets {
+    pub fn new(gpu: &Gpu, width: usize, height: usize, samples: u32) -> Self {
+        let texture = |format, samples| {
+            gpu.device.create_texture(&TextureDescriptor {
+                label: Some("target"),
+                size: Extent3d {
+                    width: width as u32,
+                    height: height as u32,
+                    depth_or_array_layers: 1,
+                },
+                mip_level_count: 1,
+                sample_count: samples,
+                dimension: TextureDimension::D2,
+                format,
+                usage: TextureUsages::RENDER_ATTACHMENT
+                    | if samples == 1 {
+                        TextureUsages::COPY_SRC
+                    } else {
+                        TextureUsages::empty()
+                    },
+                view_formats: &[],
+            })
+        };
+        let view = |texture: &Texture| texture.create_view(&TextureViewDescriptor::default());
+        let mut end = 0;
+        let mut copy = |format: TextureFormat| {
+            let pixel = format.block_copy_size(None).unwrap_or(16) as usize;
+            let row = (width * pixel).next_multiple_of(ROW_ALIGNMENT);
+            let offset = end;
+            end += row * height;
+            Copy {
+                texture: texture(format, 1),
+                offset,
+                pixel,
+                row,
+            }
+        };
+        let copies = [copy(DEPTH), copy(LABELS), copy(COS), copy(COLOR)];
+        Self {
+            width,
+            height,
+            geometry_depth: view(&texture(DEPTH_BUFFER, 1)),
+            color_depth: view(&texture(DEPTH_BUFFER, samples)),
+            depth: view(&copies[0].texture),
+            labels: view(&copies[1].texture),
+            cos: view(&copies[2].texture),
+            color: view(&copies[3].texture),
+            multisampled: (samples > 1).then(|| view(&texture(COLOR, samples))),
+            readback: gpu.device.create_buffer(&BufferDescriptor {
+                label: Some("readback"),
+                size: end as u64,
+                usage: BufferUsages::COPY_DST | BufferUsages::MAP_READ,
+                mapped_at_creation: false,
+            }),
+            copies,
+        }
+    }
+
+    /// Has the images copied when the work before it is done.
+    pub fn copy_back(&self, encoder: &mut CommandEncoder) {
+        for copy in &self.copies {
+            encoder.copy_texture_to_buffer(
+                copy.texture.as_image_copy(),
+                TexelCopyBufferInfo {
+                    buffer: &self.readback,
+                    layout: TexelCopyBufferLayout {
+                        offset: copy.offset as u64,
+                        bytes_per_row: Some(copy.row as u32),
+                        rows_per_image: None,
+                    },
+                },
+                copy.texture.size(),
+            );
+        }
+    }
+
+    /// Waits for the device, then calls `read(depth, labels, cos, color)` for each row in turn.
+    pub fn read_rows(&self, gpu: &Gpu, mut read: impl FnMut([&[u8]; 4])) -> Result<()> {
+        let slice = self.readback.slice(..);
+        slice.map_async(MapMode::Read, |_| {});
+        let unreadable = |what: String| failed(format!("the picture cannot be read back: {what}"));
+        gpu.device
+            .poll(PollType::wait_indefinitely())
+            .map_err(|error| unreadable(error.to_string()))?;
+        gpu.check()?;
+        let view = slice
+            .get_mapped_range()
+            .map_err(|error| unreadable(error.to_string()))?;
+        for v in 0..self.height {
+            read(std::array::from_fn(|i| {
+                let copy = &self.copies[i];
+                let start = copy.offset + v * copy.row;
+                &view[start..start + self.width * copy.pixel]
+            }));
+        }
+        drop(view);
+        self.readback.unmap();
+        Ok(())
+    }
+}
+
+/// The shadow maps of all lights, one layer a view.
+pub(super) struct ShadowMaps {
+    pub layers: Vec<TextureView>,
+    pub all: TextureView,
+}
+
+impl ShadowMaps {
+    pub fn new(gpu: &Gpu, size: u32, layers: u32) -> Self {
+        let texture = gpu.device.create_texture(&TextureDescriptor {
+            label: Some("shadow maps"),
+            size: Extent3d {
+                width: size,
+                height: size,
+                depth_or_array_layers: layers,
+            },
+            mip_level_count: 1,
+            sample_count: 1,
+            dimension: TextureDimension::D2,
+            format: DEPTH_BUFFER,
+            usage: TextureUsages::RENDER_ATTACHMENT | TextureUsages::TEXTURE_BINDING,
+            view_formats: &[],
+        });
+        let view = |dimension, base_array_layer, count| {
+            texture.create_view(&TextureViewDescriptor {
+                dimension: Some(dimension),
+                base_array_layer,
+                array_layer_count: Some(count),
+                ..Default::default()
+            })
+        };
+        Self {
+            layers: (0..layers)
+                .map(|layer| view(TextureViewDimension::D2, layer, 1))
+                .collect(),
+            all: view(TextureViewDimension::D2Array, 0, layers),
+        }
+    }
+}
