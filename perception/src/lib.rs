@@ -1,1 +1,27 @@
-//! stub
+//! From one RGB-D frame to the poses of known objects, in two stages as in GRIP (Chen et al., "GRIP: Generative Robust
+//! Inference and Perception for Semantic Robot Manipulation in Adversarial Environments", IROS 2019).
+//!
+//! 1. A [`Detector`] says where in the image an object may be: [`Detections`] is the whole distribution over boxes,
+//!    nothing is thresholded. [`Clusters`] needs no training; [`WholeImage`] says nothing.
+//! 2. A [`PoseEstimator`] generates pose hypotheses there, renders each as a depth image, weighs it against the
+//!    observed one and keeps what explains it: [`GripEstimator`] returns a [`PosePosterior`] for each object.
+//!
+//! [`metrics`] compares poses. This crate sees camera frames and object models only: `grip-sim` is built without its
+//! `physics` feature here, so the truth is out of reach.
+
+mod clusters;
+mod detector;
+mod error;
+mod estimator;
+mod grip;
+pub mod metrics;
+mod plane;
+mod posterior;
+
+pub use clusters::{ClusterSettings, Clusters};
+pub use detector::{Detection, Detections, Detector, WholeImage, Workspace};
+pub use error::{Error, Result};
+pub use estimator::PoseEstimator;
+pub use grip::{GripEstimator, GripSettings, SearchLevel};
+pub use plane::{Plane, PlaneSettings, fit_support_plane};
+pub use posterior::PosePosterior;

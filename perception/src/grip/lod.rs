@@ -1,0 +1,279 @@
+//! Models prepared for rendering many hypotheses: simplified meshes, extreme points, resting orientations.
+
+use std::sync::Arc;
+
+use grip_sim::objects::ObjectModel;
+use meshopt::SimplifyOptions;
+use nalgebra::{Point3, Vector3};
+
+use super::observation::LANES;
+use super::resting::{Resting, resting_orientations};
+use crate::error::{Error, Result};
+
+/// Directions in which extreme points are taken, for the hull and for quick bounds.
+const HULL_DIRECTIONS: usize = 96;
+const OUTLINE_DIRECTIONS: usize = 20;
+
+/// A simplified mesh, structure of arrays.
+#[derive(Debug, Clone)]
+pub(crate) struct Lod {
+    /// Vertex coordinates in the object frame, padded to [`LANES`] by repeating the last vertex.
+    pub x: Vec<f32>,
+    pub y: Vec<f32>,
+    pub z: Vec<f32>,
+    /// Vertex indices, counter-clockwise from outside, ordered so that neighbours in the list face alike.
+    pub triangles: Vec<[u32; 3]>,
+}
+
+/// All that the filter needs to know of an object.
+#[derive(Debug)]
+pub(crate) struct Model {
+    pub name: String,
+    /// By number of triangles asked for, ascending.
+    lods: Vec<(usize, Lod)>,
+    /// Extreme points: their hull is nearly the convex hull of the mesh.
+    pub hull: Vec<Vector3<f32>>,
+    /// A few extreme points, for quick bounds.
+    pub outline: Vec<Vector3<f32>>,
+    /// Half of the diameter, metres.
+    pub radius: f32,
+    pub resting: Vec<Resting>,
+}
+
+impl Model {
+    /// Prepares an object's mesh at each of the given numbers of triangles.
+    pub fn new(object: &ObjectModel, triangle_counts: &[usize]) -> Result<Self> {
+        let name = object.info.name.clone();
+        let fail = |message: &str| Error::Object {
+            object: name.clone(),
+            message: message.to_owned(),
+        };
+        let mesh = &object.visual.mesh;
+        let (positions, triangles) = weld(&mesh.positions, &mesh.triangles)
+            .ok_or_else(|| fail("a triangle names a vertex that the mesh does not have; check the model file"))?;
+        if positions.iter().flatten().any(|x| !x.is_finite()) {
+            return Err(fail("a vertex is not finite; check the model file"));
+        }
+        if triangles.is_empty() {
+            return Err(fail("the mesh has no triangles; load a model with a surface"));
+        }
+        let mut counts = triangle_counts.to_vec();
+        counts.sort_unstable();
+        counts.dedup();
+        let mut lods = Vec::new();
+        for count in counts {
+            lods.push((count, simplify(&positions, &triangles, count)));
+        }
+        let points: Vec<Vector3<f32>> = positions.iter().map(|p| Vector3::from(*p)).collect();
+        let hull = extreme_points(&points, HULL_DIRECTIONS);
+        let outline = extreme_points(&hull, OUTLINE_DIRECTIONS);
+        let radius = hull.iter().fold(0.0f32, |r, p| r.max(p.norm()));
+        if !(1e-3..10.0).contains(&radius) {
+            return Err(fail(&format!(
+                "the mesh reaches {radius} m from its origin; models must be in metres, between 1 mm and 10 m"
+            )));
+        }
+        let centroid = volume_centroid(&positions, &triangles);
+        let resting = resting_orientations(&hull, centroid);
+        Ok(Self {
+            name,
+            lods,
+            hull,
+            outline,
+            radius,
+            resting,
+        })
+    }
+
+    /// The coarsest mesh of at least `triangles`.
+    pub fn lod(&self, triangles: usize) -> &Lod {
+        let found = self.lods.iter().find(|(count, _)| *count >= triangles);
+        &found.unwrap_or(&self.lods[self.lods.len() - 1]).1
+    }
+}
+
+/// Merges vertices of equal position (texture seams split them) and drops degenerate triangles; `None` for an index
+/// out of range.
+fn weld(positions: &[Point3<f32>], triangles: &[[u32; 3]]) -> Option<(Vec<[f32; 3]>, Vec<[u32; 3]>)> {
+    // Adding zero makes -0.0 and 0.0 the same bits.
+    let key = |i: usize| positions[i].coords.map(|x| (x + 0.0).to_bits());
+    let mut order: Vec<usize> = (0..positions.len()).collect();
+    order.sort_by_key(|&i| (key(i).x, key(i).y, key(i).z, i));
+    let mut merged = vec![0u32; positions.len()];
+    let mut out: Vec<[f32; 3]> = Vec::new();
+    for (n, &i) in order.iter().enumerate() {
+        if n == 0 || key(order[n - 1]) != key(i) {
+            out.push(positions[i].coords.into());
+        }
+        merged[i] = out.len() as u32 - 1;
+    }
+    let mut kept = Vec::with_capacity(triangles.len());
+    for t in triangles {
+        let mut m = [0; 3];
+        for (a, &i) in m.iter_mut().zip(t) {
+            *a = *merged.get(i as usize)?;
+        }
+        if m[0] != m[1] && m[1] != m[2] && m[2] != m[0] {
+            kept.push(m);
+        }
+    }
+    Some((out, kept))
+}
+
+/// At most about `count` triangles: meshopt moves vertices as it collapses edges, which halves the error of keeping
+/// them in place.
+fn simplify(positions: &[[f32; 3]], triangles: &[[u32; 3]], count: usize) -> Lod {
+    let mut positions = positions.to_vec();
+    let mut indices: Vec<u32> = triangles.iter().flatten().copied().collect();
+    // The library aborts on a target above the number of indices.
+    let target = (3 * count).min(indices.len());
+    let kept = meshopt::simplify_with_update(
+        &mut indices,
+        &mut positions,
+        &mut [],
+        &[],
+        0,
+        None,
+        target,
+        1.0,
+        SimplifyOptions::None,
+        None,
+    );
+    // A mesh of tiny parts may collapse to nothing: keep it whole then.
+    if kept >= 3 {
+        indices.truncate(kept);
+    }
+    let mut faces: Vec<[u32; 3]> = indices.as_chunks::<3>().0.to_vec();
+    if signed_volume(&positions, &faces) < 0.0 {
+        for f in &mut faces {
+            f.swap(1, 2);
+        }
+    }
+    sort_by_normal(&positions, &mut faces, 0);
+    // Vertices in the order of first use.
+    let mut new = vec![u32::MAX; positions.len()];
+    let (mut x, mut y, mut z) = (Vec::new(), Vec::new(), Vec::new());
+    for i in faces.iter_mut().flatten() {
+        let slot = &mut new[*i as usize];
+        if *slot == u32::MAX {
+            *slot = x.len() as u32;
+            let [px, py, pz] = positions[*i as usize];
+            x.push(px);
+            y.push(py);
+            z.push(pz);
+        }
+        *i = *slot;
+    }
+    for axis in [&mut x, &mut y, &mut z] {
+        let last = axis.last().copied().unwrap_or(0.0);
+        axis.resize(axis.len().next_multiple_of(LANES), last);
+    }
+    Lod {
+        x,
+        y,
+        z,
+        triangles: faces,
+    }
+}
+
+fn signed_volume(positions: &[[f32; 3]], faces: &[[u32; 3]]) -> f32 {
+    faces
+        .iter()
+        .map(|f| {
+            let [a, b, c] = f.map(|i| Vector3::from(positions[i as usize]));
+            a.dot(&b.cross(&c))
+        })
+        .sum()
+}
+
+/// Centroid of the enclosed volume; of the box when the mesh encloses none.
+fn volume_centroid(positions: &[[f32; 3]], faces: &[[u32; 3]]) -> Vector3<f32> {
+    let (mut sum, mut volume) = (Vector3::zeros(), 0.0f64);
+    for f in faces {
+        let [a, b, c] = f.map(|i| Vector3::from(positions[i as usize]).cast::<f64>());
+        let v = a.dot(&b.cross(&c));
+        volume += v;
+        sum += (a + b + c) * (v / 4.0);
+    }
+    let centroid = sum / volume;
+    let reach = positions.iter().flatten().fold(0.0f32, |r, x| r.max(x.abs()));
+    if centroid.iter().all(|x| x.is_finite() && x.abs() < f64::from(reach)) {
+        centroid.cast()
+    } else {
+        Vector3::zeros()
+    }
+}
+
+/// Splits at the median along the axis in which normals vary most, down to groups of 16: whole groups then face away.
+fn sort_by_normal(positions: &[[f32; 3]], faces: &mut [[u32; 3]], depth: usize) {
+    if faces.len() <= 16 || depth > 16 {
+        return;
+    }
+    let normal = |f: &[u32; 3]| {
+        let [a, b, c] = f.map(|i| Vector3::from(positions[i as usize]));
+        (b - a).cross(&(c - a)).try_normalize(0.0).unwrap_or_else(Vector3::zeros)
+    };
+    let n = faces.len() as f32;
+    let mean = faces.iter().fold(Vector3::zeros(), |s, f| s + normal(f)) / n;
+    let variance = faces.iter().fold(Vector3::zeros(), |s: Vector3<f32>, f| {
+        let d = normal(f) - mean;
+        s + d.component_mul(&d)
+    });
+    let axis = variance.imax();
+    faces.sort_by(|a, b| normal(a)[axis].total_cmp(&normal(b)[axis]));
+    let (left, right) = faces.split_at_mut(faces.len() / 2);
+    sort_by_normal(positions, left, depth + 1);
+    sort_by_normal(positions, right, depth + 1);
+}
+
+/// Evenly spread unit vectors (Fibonacci lattice).
+pub(crate) fn directions(count: usize) -> impl Iterator<Item = Vector3<f32>> {
+    let golden = std::f32::consts::PI * (3.0 - 5.0f32.sqrt());
+    (0..count).map(move |i| {
+        let z = 1.0 - (2 * i + 1) as f32 / count as f32;
+        let r = (1.0 - z * z).max(0.0).sqrt();
+        let (sin, cos) = (golden * i as f32).sin_cos();
+        Vector3::new(r * cos, r * sin, z)
+    })
+}
+
+/// The points that are farthest in some direction.
+fn extreme_points(points: &[Vector3<f32>], count: usize) -> Vec<Vector3<f32>> {
+    let mut kept: Vec<usize> = directions(count)
+        .chain([Vector3::x(), Vector3::y(), Vector3::z(), -Vector3::x(), -Vector3::y(), -Vector3::z()])
+        .filter_map(|d| (0..points.len()).max_by(|&a, &b| points[a].dot(&d).total_cmp(&points[b].dot(&d))))
+        .collect();
+    kept.sort_unstable();
+    kept.dedup();
+    kept.into_iter().map(|i| points[i]).collect()
+}
+
+/// Prepared models by object, so that a trial simplifies each mesh once.
+#[derive(Debug, Default)]
+pub(crate) struct ModelCache {
+    entries: std::sync::Mutex<Vec<(Arc<ObjectModel>, Vec<usize>, Arc<Model>)>>,
+}
+
+/// More objects than a session has; beyond it the oldest goes.
+const CACHE_SIZE: usize = 64;
+
+impl ModelCache {
+    /// The prepared model of `object`, made now if it was not before.
+    pub fn get(&self, object: &Arc<ObjectModel>, counts: &[usize]) -> Result<Arc<Model>> {
+        let lock = || self.entries.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
+        let found = lock()
+            .iter()
+            .find(|(o, c, _)| Arc::ptr_eq(o, object) && c == counts)
+            .map(|(_, _, m)| m.clone());
+        if let Some(model) = found {
+            return Ok(model);
+        }
+        let model = Arc::new(Model::new(object, counts)?);
+        let mut entries = lock();
+        if entries.len() >= CACHE_SIZE {
+            entries.remove(0);
+        }
+        entries.push((object.clone(), counts.to_vec(), model.clone()));
+        Ok(model)
+    }
+}

@@ -1,0 +1,232 @@
+//! GRIP's second stage: iterated likelihood weighting over rendered pose hypotheses, on the CPU.
+//!
+//! Read in this order: [`settings`](GripSettings), `observation` (the frame, prepared), `lod` (the models, prepared),
+//! `propose`, `raster`, `score`, `refine`, `search` (one object), `joint` (all of them).
+//!
+//! DIFFERENCE to the paper: hypotheses are pulled towards the data by Gauss-Newton steps before they are weighed, weights
+//! are tempered, resolution goes from coarse to fine, and independent restarts replace hundreds of iterations. The
+//! principle, generate and weigh by rendering, is the same.
+
+mod joint;
+mod lod;
+mod observation;
+mod propose;
+mod raster;
+mod refine;
+mod resample;
+mod resting;
+mod score;
+mod search;
+mod settings;
+
+use std::sync::Arc;
+use std::time::Instant;
+
+use grip_sim::frame::CameraFrame;
+use grip_sim::objects::ObjectModel;
+use grip_sim::pose::Pose;
+use grip_sim::rng;
+use nalgebra::{Isometry3, Vector3};
+use rayon::prelude::*;
+
+pub use self::settings::{GripSettings, SearchLevel};
+
+use self::lod::{Model, ModelCache, directions};
+use self::observation::Observation;
+use self::propose::box_priors;
+use self::search::{FINAL_TRIANGLES, Found, Hypothesis, Search, reach};
+use crate::detector::{Detections, check_frame};
+use crate::error::Result;
+use crate::estimator::PoseEstimator;
+use crate::posterior::PosePosterior;
+
+/// Triangles at which the joint step draws, besides those of the levels.
+const EXTRA_TRIANGLES: [usize; 2] = [500, FINAL_TRIANGLES];
+/// Directions in which the spread of orientation is taken.
+const SPREAD_DIRECTIONS: usize = 64;
+
+/// The particle filter over rendered 6-D pose hypotheses.
+///
+/// Objects are searched independently and in parallel; then those that explain the same pixels as a better one are
+/// searched again without these. Prepared models are kept between calls.
+#[derive(Debug, Default)]
+pub struct GripEstimator {
+    settings: GripSettings,
+    models: ModelCache,
+}
+
+impl GripEstimator {
+    /// With these settings.
+    ///
+    /// # Errors
+    /// [`crate::Error::Setting`] for a value out of range.
+    pub fn new(settings: GripSettings) -> Result<Self> {
+        settings.check()?;
+        Ok(Self {
+            settings,
+            models: ModelCache::default(),
+        })
+    }
+
+    /// The settings in use.
+    pub fn settings(&self) -> &GripSettings {
+        &self.settings
+    }
+
+    fn search(&self, model: &Model, observation: &Observation, detections: &Detections, seed: u64, stream: &str) -> (Option<Found>, f64) {
+        let start = Instant::now();
+        let boxes = box_priors(detections.of(&model.name), observation);
+        let mut rng = rng::stream(seed, stream);
+        let found = Search::new(model, observation, &boxes, &self.settings).run(&mut rng);
+        (found, start.elapsed().as_secs_f64())
+    }
+}
+
+impl PoseEstimator for GripEstimator {
+    fn name(&self) -> &'static str {
+        "grip"
+    }
+
+    fn estimate(
+        &self,
+        frame: &CameraFrame,
+        detections: &Detections,
+        objects: &[Arc<ObjectModel>],
+        seed: u64,
+    ) -> Result<Vec<PosePosterior>> {
+        check_frame(frame)?;
+        let mut counts: Vec<usize> = self.settings.levels.iter().map(|l| l.triangles).collect();
+        counts.extend(EXTRA_TRIANGLES);
+        let models: Vec<Arc<Model>> = objects
+            .par_iter()
+            .map(|object| self.models.get(object, &counts))
+            .collect::<Result<_>>()?;
+        let observation = Observation::new(frame, &self.settings);
+        // Two of the same kind draw from two streams, or they would be the same search.
+        let stream = |i: usize| {
+            let before = models[..i].iter().filter(|m| m.name == models[i].name).count();
+            format!("grip/{}/{before}", models[i].name)
+        };
+        let mut results: Vec<(Option<Found>, f64)> = (0..models.len())
+            .into_par_iter()
+            .map(|i| self.search(&models[i], &observation, detections, seed, &stream(i)))
+            .collect();
+        self.settle_conflicts(&models, &observation, &mut results, |i, seen| {
+            self.search(&models[i], seen, detections, seed, &format!("{}/again", stream(i)))
+        });
+        Ok(models
+            .iter()
+            .zip(results)
+            .map(|(model, (found, seconds))| posterior(model, found, seconds, &self.settings))
+            .collect())
+    }
+}
+
+impl GripEstimator {
+    /// In the order of falling score each object claims the pixels it explains; one that explains mostly what another
+    /// has claimed is searched again with all claimed pixels taken, once.
+    fn settle_conflicts(
+        &self,
+        models: &[Arc<Model>],
+        observation: &Observation,
+        results: &mut [(Option<Found>, f64)],
+        again: impl Fn(usize, &Observation) -> (Option<Found>, f64),
+    ) {
+        let score = |r: &(Option<Found>, f64)| r.0.as_ref().map_or(0.0, |f| f.best.score);
+        let mut order: Vec<usize> = (0..results.len()).collect();
+        order.sort_by(|&a, &b| score(&results[b]).total_cmp(&score(&results[a])).then(a.cmp(&b)));
+        let pitch = observation.level(2).pitch;
+        let mut claims: Vec<Vec<bool>> = Vec::new();
+        let mut taken = vec![false; observation.level(2).w.len()];
+        for i in order {
+            let Some(found) = &results[i].0 else { continue };
+            let mut mine = joint::explained(&models[i], &found.best.pose, observation);
+            let conflict = claims.iter().any(|c| joint::overlap(c, &mine) > self.settings.conflict_share);
+            if conflict {
+                let rest = observation.without(&taken);
+                let (second, seconds) = again(i, &rest);
+                let hypotheses = found.hypotheses;
+                results[i].1 += seconds;
+                if let Some(mut second) = second {
+                    second.hypotheses += hypotheses;
+                    mine = joint::explained(&models[i], &second.best.pose, &rest);
+                    results[i].0 = Some(second);
+                }
+            }
+            joint::claim(&mut taken, &mine, pitch);
+            claims.push(mine);
+        }
+    }
+}
+
+/// Weights, spreads and confidence of what a search found.
+fn posterior(model: &Model, found: Option<Found>, seconds: f64, settings: &GripSettings) -> PosePosterior {
+    let Some(found) = found else {
+        // No hypothesis could be drawn, so nothing is known: a point at the camera with no confidence.
+        return PosePosterior {
+            object: model.name.clone(),
+            best: Pose::identity(),
+            particles: vec![(Pose::identity(), 1.0)],
+            score: 0.0,
+            confidence: 0.0,
+            position_std_m: f64::INFINITY,
+            rotation_std_rad: f64::INFINITY,
+            restarts: 0,
+            hypotheses: 0,
+            seconds,
+        };
+    };
+    let weights = weights(&found.population, settings.posterior_temperature);
+    let (position_std_m, rotation_std_rad) = spread(model, &found, &weights);
+    let score = f64::from(found.best.score);
+    let presence = 1.0 / (1.0 + (-(score - settings.presence_score) / settings.presence_scale).exp());
+    // One restart that nobody confirms is worth half.
+    let agreement = if found.agreeing >= 2 || settings.max_restarts == 1 { 1.0 } else { 0.5 };
+    let typed = |h: &Hypothesis| Pose::new(widened(&h.pose));
+    PosePosterior {
+        object: model.name.clone(),
+        best: typed(&found.best),
+        particles: found.population.iter().map(typed).zip(weights).collect(),
+        score,
+        confidence: presence * agreement,
+        position_std_m,
+        rotation_std_rad,
+        restarts: found.restarts,
+        hypotheses: found.hypotheses,
+        seconds,
+    }
+}
+
+fn weights(population: &[Hypothesis], temperature: f64) -> Vec<f64> {
+    let best = population.iter().map(|h| h.score).fold(f32::MIN, f32::max);
+    let raw: Vec<f64> = population
+        .iter()
+        .map(|h| (f64::from(h.score - best) / temperature).exp())
+        .collect();
+    let sum: f64 = raw.iter().sum();
+    raw.iter().map(|w| w / sum).collect()
+}
+
+fn spread(model: &Model, found: &Found, weights: &[f64]) -> (f64, f64) {
+    let positions = || found.population.iter().map(|h| h.pose.translation.vector.cast::<f64>());
+    let mean = positions().zip(weights).fold(Vector3::zeros(), |m, (p, w)| m + p * *w);
+    let variance: f64 = positions().zip(weights).map(|(p, w)| w * (p - mean).norm_squared()).sum();
+    let only_turned = |pose: &Isometry3<f32>| Isometry3::from_parts(nalgebra::Translation3::identity(), pose.rotation);
+    let reference = only_turned(&found.best.pose);
+    let base: Vec<f32> = directions(SPREAD_DIRECTIONS).map(|d| reach(&model.hull, &reference, &d)).collect();
+    let mut change = 0.0;
+    for (h, w) in found.population.iter().zip(weights) {
+        let turned = only_turned(&h.pose);
+        let sum: f32 = directions(SPREAD_DIRECTIONS)
+            .zip(&base)
+            .map(|(d, b)| (reach(&model.hull, &turned, &d) - b).powi(2))
+            .sum();
+        change += w * f64::from(sum) / SPREAD_DIRECTIONS as f64;
+    }
+    (variance.sqrt(), change.sqrt() / f64::from(model.radius))
+}
+
+fn widened(pose: &Isometry3<f32>) -> Isometry3<f64> {
+    let q = nalgebra::UnitQuaternion::from_quaternion(pose.rotation.into_inner().cast());
+    Isometry3::from_parts(pose.translation.vector.cast::<f64>().into(), q)
+}

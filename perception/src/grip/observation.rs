@@ -1,0 +1,362 @@
+//! What the camera saw, prepared once a frame for all hypotheses of all objects: inverse depth, tolerance, plane weight
+//! and silhouette evidence at strides 1, 2 and 4.
+
+use grip_sim::camera::Intrinsics;
+use grip_sim::frame::CameraFrame;
+use nalgebra::Point3;
+
+use super::settings::GripSettings;
+use crate::detector::is_reading;
+use crate::plane::{Plane, fit_support_plane};
+
+/// The strides that are prepared.
+pub(crate) const STRIDES: [usize; 3] = [1, 2, 4];
+/// Rows are read in blocks of this many pixels; the padding on the right is at least as wide.
+pub(crate) const LANES: usize = 8;
+/// Readings in a block that are farther than this from each other belong to two surfaces, metres.
+const BLOCK_SPREAD: f32 = 0.015;
+/// Depth edges are looked for across holes of up to this many pixels: the projector's shadow of a near object.
+const EDGE_REACH: usize = 12;
+/// A wide hole may hide a slope; each pixel of it adds this to the jump that makes an edge, metres.
+const EDGE_SLOPE: f32 = 0.002;
+/// Inverse depth of pixels that another object explains: an occluder right before the lens.
+const EXPLAINED: f32 = 20.0;
+
+/// The frame at one resolution. Arrays are padded: row and column -1 exist, and columns up to `pitch - 2`.
+#[derive(Debug, Clone)]
+pub(crate) struct Level {
+    pub stride: usize,
+    pub width: usize,
+    pub height: usize,
+    pub pitch: usize,
+    /// Intrinsics of this resolution.
+    pub fx: f32,
+    pub fy: f32,
+    pub cx: f32,
+    pub cy: f32,
+    /// Observed inverse depth, 1/m; 0 for no reading.
+    pub w: Vec<f32>,
+    /// Tolerance of inverse depth for the distance epsilon: `|w' - w| < tol w`; 1 where there is no reading.
+    pub tol: Vec<f32>,
+    /// 0 for points on the support plane or outside the workspace, 1 for points well above it.
+    pub weight: Vec<f32>,
+    /// `exp(-d^2 / 2 sigma^2)`, d the distance to the nearest near-side depth edge.
+    pub edge: Vec<f32>,
+}
+
+impl Level {
+    /// Index of pixel (u, v); -1 is allowed.
+    #[inline]
+    pub fn index(&self, u: i32, v: i32) -> usize {
+        ((v + 1) as usize) * self.pitch + (u + 1) as usize
+    }
+}
+
+/// The frame at all resolutions, and the plane in it.
+#[derive(Debug, Clone)]
+pub(crate) struct Observation {
+    levels: Vec<Level>,
+    pub plane: Option<Plane>,
+    pub intrinsics: Intrinsics,
+}
+
+impl Observation {
+    /// Prepares a frame.
+    pub fn new(frame: &CameraFrame, settings: &GripSettings) -> Self {
+        let plane = settings
+            .plane
+            .as_ref()
+            .and_then(|p| fit_support_plane(frame, p, settings.workspace.as_ref()));
+        let edges = near_edges(frame, settings.edge_jump_m as f32);
+        let levels = STRIDES
+            .iter()
+            .map(|&stride| level(frame, stride, plane.as_ref(), &edges, settings))
+            .collect();
+        Self {
+            levels,
+            plane,
+            intrinsics: frame.intrinsics,
+        }
+    }
+
+    /// The level of a stride that is one of [`STRIDES`].
+    pub fn level(&self, stride: usize) -> &Level {
+        let i = STRIDES.iter().position(|&s| s == stride).unwrap_or(0);
+        &self.levels[i]
+    }
+
+    /// A copy in which the marked pixels of the level with stride 2 are taken: they count as occluders from now on.
+    pub fn without(&self, explained: &[bool]) -> Self {
+        let mut copy = self.clone();
+        let marks = &self.levels[1];
+        for level in &mut copy.levels {
+            for v in 0..level.height {
+                for u in 0..level.width {
+                    let at = |u: usize, v: usize| {
+                        u < marks.width
+                            && v < marks.height
+                            && explained[marks.index(u as i32, v as i32)]
+                    };
+                    let taken = match level.stride {
+                        1 => at(u / 2, v / 2),
+                        2 => at(u, v),
+                        _ => (0..4).filter(|i| at(2 * u + i % 2, 2 * v + i / 2)).count() >= 2,
+                    };
+                    if taken {
+                        let i = level.index(u as i32, v as i32);
+                        level.w[i] = EXPLAINED;
+                        level.tol[i] = 1e-3;
+                        level.weight[i] = 0.0;
+                        level.edge[i] = 0.0;
+                    }
+                }
+            }
+        }
+        copy
+    }
+}
+
+fn level(
+    frame: &CameraFrame,
+    stride: usize,
+    plane: Option<&Plane>,
+    edges: &[bool],
+    settings: &GripSettings,
+) -> Level {
+    let k = &frame.intrinsics;
+    let (width, height) = (k.width / stride, k.height / stride);
+    let pitch = (width + 2 + LANES).next_multiple_of(LANES) + LANES;
+    let centre = (stride - 1) as f64 / 2.0;
+    let s = stride as f64;
+    let size = pitch * (height + 2);
+    let mut level = Level {
+        stride,
+        width,
+        height,
+        pitch,
+        fx: (k.fx / s) as f32,
+        fy: (k.fy / s) as f32,
+        cx: ((k.cx - centre) / s) as f32,
+        cy: ((k.cy - centre) / s) as f32,
+        w: vec![0.0; size],
+        tol: vec![1.0; size],
+        weight: vec![0.0; size],
+        edge: Vec::new(),
+    };
+    let epsilon = settings.epsilon_m as f32;
+    // Height over the plane of the point with ray (x, y, 1) and inverse depth w is (n . ray + w offset) / w.
+    let (n, offset) = plane.map_or(([0.0; 3], 0.0), |p| {
+        (
+            [p.normal.x as f32, p.normal.y as f32, p.normal.z as f32],
+            p.offset as f32,
+        )
+    });
+    let band = settings.plane_band_m as f32;
+    let mut near = vec![false; size];
+    for v in 0..height {
+        let y = (v as f32 - level.cy) / level.fy;
+        for u in 0..width {
+            let i = level.index(u as i32, v as i32);
+            near[i] = (0..stride)
+                .any(|dv| (0..stride).any(|du| edges[(v * stride + dv) * k.width + u * stride + du]));
+            let Some(w) = block_mean(frame, u * stride, v * stride, stride) else {
+                continue;
+            };
+            let x = (u as f32 - level.cx) / level.fx;
+            level.w[i] = w;
+            level.tol[i] = epsilon * w / (x * x + y * y + 1.0).sqrt();
+            let z = 1.0 / w;
+            let mut weight = 1.0;
+            if plane.is_some() {
+                let above = (n[0] * x + n[1] * y + n[2]) * z + offset;
+                weight = (above / band - 0.4).clamp(0.0, 1.0);
+            }
+            if let Some(workspace) = settings.workspace.as_ref() {
+                let p = Point3::new(x * z, y * z, z).cast();
+                if !workspace.contains(&frame.world_from_camera.transform_point(&p)) {
+                    weight = 0.0;
+                }
+            }
+            level.weight[i] = weight;
+        }
+    }
+    level.edge = soft_distance(&near, pitch, settings.edge_sigma_px as f32);
+    level
+}
+
+/// Mean inverse depth of a block; where it holds two surfaces, of the one with more readings. `None` when less than a
+/// quarter of the block has readings.
+fn block_mean(frame: &CameraFrame, u0: usize, v0: usize, stride: usize) -> Option<f32> {
+    let (mut near, mut far, mut count) = (f32::MAX, 0.0f32, 0usize);
+    let depth = frame.depth.data();
+    let width = frame.intrinsics.width;
+    let rows = || (v0..v0 + stride).map(|v| &depth[v * width + u0..v * width + u0 + stride]);
+    for row in rows() {
+        for &z in row {
+            if is_reading(z) {
+                near = near.min(z);
+                far = far.max(z);
+                count += 1;
+            }
+        }
+    }
+    if count == 0 || 4 * count < stride * stride {
+        return None;
+    }
+    let (mut sums, mut counts) = ([0.0f32; 2], [0u32; 2]);
+    let split = if far - near < BLOCK_SPREAD { f32::MAX } else { 0.5 * (near + far) };
+    for row in rows() {
+        for &z in row {
+            if is_reading(z) {
+                let side = usize::from(z > split);
+                sums[side] += 1.0 / z;
+                counts[side] += 1;
+            }
+        }
+    }
+    let side = usize::from(counts[1] > counts[0]);
+    Some(sums[side] / counts[side] as f32)
+}
+
+/// Pixels at full resolution with a reading whose next reading to some side is farther by the jump.
+fn near_edges(frame: &CameraFrame, jump: f32) -> Vec<bool> {
+    let (depth, width, height) = (frame.depth.data(), frame.intrinsics.width, frame.intrinsics.height);
+    let mut edges = vec![false; depth.len()];
+    let mut sweep = |start: usize, step: usize, count: usize| {
+        let mut last: Option<(usize, usize)> = None;
+        for n in 0..count {
+            let i = start + n * step;
+            if !is_reading(depth[i]) {
+                continue;
+            }
+            if let Some((before, at)) = last {
+                let gap = n - at;
+                let difference = depth[i] - depth[before];
+                if gap <= EDGE_REACH && difference.abs() > jump + EDGE_SLOPE * (gap - 1) as f32 {
+                    edges[if difference > 0.0 { before } else { i }] = true;
+                }
+            }
+            last = Some((i, n));
+        }
+    };
+    for v in 0..height {
+        sweep(v * width, 1, width);
+    }
+    for u in 0..width {
+        sweep(u, width, height);
+    }
+    edges
+}
+
+/// `exp(-d^2 / 2 sigma^2)` with d the Euclidean distance to the nearest marked pixel, exact up to three sigma.
+fn soft_distance(marked: &[bool], pitch: usize, sigma: f32) -> Vec<f32> {
+    let reach = (3.0 * sigma).ceil() as usize;
+    let far = (reach + 1) as f32;
+    let rows = marked.len() / pitch;
+    // Squared distance along the row, by a sweep each way.
+    let mut along = vec![far * far; marked.len()];
+    for (row, out) in marked.chunks_exact(pitch).zip(along.chunks_exact_mut(pitch)) {
+        let mut d = far;
+        for (m, o) in row.iter().zip(out.iter_mut()) {
+            d = if *m { 0.0 } else { (d + 1.0).min(far) };
+            *o = d * d;
+        }
+        d = far;
+        for (m, o) in row.iter().zip(out.iter_mut()).rev() {
+            d = if *m { 0.0 } else { (d + 1.0).min(far) };
+            *o = o.min(d * d);
+        }
+    }
+    // Then the least over the rows near by.
+    let mut best = vec![far * far; marked.len()];
+    for v in 0..rows {
+        for other in v.saturating_sub(reach)..(v + reach + 1).min(rows) {
+            let dv = (other as f32 - v as f32).powi(2);
+            let source = &along[other * pitch..(other + 1) * pitch];
+            for (o, a) in best[v * pitch..(v + 1) * pitch].iter_mut().zip(source) {
+                *o = o.min(a + dv);
+            }
+        }
+    }
+    // Most pixels are far from any edge: spare them the exponential.
+    let scale = -0.5 / (sigma * sigma);
+    for b in &mut best {
+        *b = if *b >= far * far { 0.0 } else { (*b * scale).exp() };
+    }
+    best
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use grip_sim::images::{Image, RgbImage};
+    use grip_sim::pose::Pose;
+
+    fn frame(paint: impl Fn(usize, usize) -> f32) -> CameraFrame {
+        let k = Intrinsics::FETCH;
+        let mut depth = Image::filled(k.width, k.height, 0.0f32);
+        for v in 0..k.height {
+            for u in 0..k.width {
+                *depth.at_mut(u, v) = paint(u, v);
+            }
+        }
+        CameraFrame {
+            rgb: RgbImage::new(640, 480),
+            depth,
+            intrinsics: k,
+            world_from_camera: Pose::identity(),
+        }
+    }
+
+    #[test]
+    fn blocks_take_the_surface_with_more_readings_and_skip_holes() {
+        let frame = frame(|u, v| match (u, v) {
+            (0..4, 0..4) if u < 3 => 1.0,
+            (0..4, 0..4) => 2.0,
+            (4..8, 0..4) if u == 4 && v < 3 => 1.0,
+            (8..12, 0..4) if v == 0 => f32::NAN,
+            (8..12, 0..4) => 0.5,
+            _ => 0.0,
+        });
+        let observation = Observation::new(&frame, &GripSettings { plane: None, ..Default::default() });
+        let level = observation.level(4);
+        let at = |u| level.w[level.index(u, 0)];
+        assert_eq!([at(0), at(1), at(2)], [1.0, 0.0, 2.0]);
+        let two = observation.level(2);
+        assert_eq!(two.w[two.index(0, 0)], 1.0);
+        // The tolerance is epsilon along the ray.
+        let x = (0.0 - level.cx) / level.fx;
+        let y = (0.0 - level.cy) / level.fy;
+        let tol = 0.005 / (x * x + y * y + 1.0).sqrt();
+        assert!((level.tol[level.index(0, 0)] - tol).abs() < 1e-8);
+    }
+
+    #[test]
+    fn edges_are_on_the_near_side_also_across_a_shadow() {
+        let frame = frame(|u, _| match u {
+            0..100 => 1.0,
+            100..108 => 0.0,
+            _ => 1.1,
+        });
+        let edges = near_edges(&frame, 0.01);
+        let row = &edges[640 * 7..640 * 8];
+        let marked: Vec<usize> = (0..640).filter(|&u| row[u]).collect();
+        assert_eq!(marked, [99]);
+        let observation = Observation::new(&frame, &GripSettings { plane: None, ..Default::default() });
+        let one = observation.level(1);
+        assert_eq!(one.edge[one.index(99, 9)], 1.0);
+        let expected = (-0.5f32 * (2.0f32 / 1.5).powi(2)).exp();
+        assert!((one.edge[one.index(101, 9)] - expected).abs() < 1e-6);
+        assert_eq!(one.edge[one.index(200, 9)], 0.0);
+    }
+
+    #[test]
+    fn soft_distance_is_euclidean() {
+        let pitch = 32;
+        let mut marked = vec![false; pitch * 32];
+        marked[10 * pitch + 10] = true;
+        let soft = soft_distance(&marked, pitch, 2.0);
+        let expected = (-(9.0f32 + 4.0) / 8.0).exp();
+        assert!((soft[12 * pitch + 13] - expected).abs() < 1e-6);
+    }
+}

@@ -1,0 +1,300 @@
+//! The search for one object: levels of generate, move and weigh, restarted until two searches agree.
+
+use grip_sim::camera::Intrinsics;
+use nalgebra::{Isometry3, Translation3, Vector3};
+use rand::Rng;
+use rand_distr::{Distribution, StandardNormal};
+
+use super::lod::{Lod, Model, directions};
+use super::observation::Observation;
+use super::propose::{BoxPrior, propose, small_rotation};
+use super::raster::{FlatPlane, Raster};
+use super::refine::{accumulate, step};
+use super::resample::{gumbel_top, systematic, temperature};
+use super::score::compare;
+use super::settings::{GripSettings, SearchLevel};
+use crate::detector::iou;
+
+/// Directions in which two hulls are compared.
+const HULL_CHECKS: usize = 64;
+
+/// A pose and how well it explains the frame.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Hypothesis {
+    pub pose: Isometry3<f32>,
+    pub score: f32,
+}
+
+/// What a search found.
+#[derive(Debug, Clone)]
+pub(crate) struct Found {
+    pub best: Hypothesis,
+    /// Polished and last-level hypotheses of all restarts, with their scores at full resolution.
+    pub population: Vec<Hypothesis>,
+    pub restarts: usize,
+    /// Restarts that ended at the best one's place, itself included.
+    pub agreeing: usize,
+    pub hypotheses: usize,
+}
+
+/// Everything that weighing a hypothesis needs.
+pub(crate) struct Search<'a> {
+    model: &'a Model,
+    observation: &'a Observation,
+    boxes: &'a [BoxPrior],
+    plane: Option<FlatPlane>,
+    settings: &'a GripSettings,
+    raster: Raster,
+    rendered: usize,
+}
+
+impl<'a> Search<'a> {
+    /// Ready to weigh hypotheses of `model`.
+    pub fn new(model: &'a Model, observation: &'a Observation, boxes: &'a [BoxPrior], settings: &'a GripSettings) -> Self {
+        let plane = observation
+            .plane
+            .map(|p| (p.normal.into_inner().cast(), p.offset as f32));
+        Self {
+            model,
+            observation,
+            boxes,
+            plane,
+            settings,
+            raster: Raster::default(),
+            rendered: 0,
+        }
+    }
+
+    /// Restarts until the best score was reached twice at the same place.
+    pub fn run<R: Rng>(&mut self, rng: &mut R) -> Option<Found> {
+        let mut ends: Vec<Hypothesis> = Vec::new();
+        let mut population = Vec::new();
+        let mut best: Option<Hypothesis> = None;
+        for _ in 0..self.settings.max_restarts {
+            let candidates = self.descend(rng);
+            let Some(end) = candidates.first().copied() else {
+                continue;
+            };
+            population.extend(candidates);
+            let agreed = best.is_some_and(|b| self.same(&end, &b));
+            if best.is_none_or(|b| end.score > b.score) {
+                best = Some(end);
+            }
+            ends.push(end);
+            if agreed {
+                break;
+            }
+        }
+        let best = best?;
+        let agreeing = ends.iter().filter(|e| self.same(e, &best)).count();
+        population.sort_by(|a, b| b.score.total_cmp(&a.score));
+        Some(Found {
+            best,
+            population,
+            restarts: ends.len(),
+            agreeing,
+            hypotheses: self.rendered,
+        })
+    }
+
+    /// One pass through the levels and the polish; the survivors, best first.
+    fn descend<R: Rng>(&mut self, rng: &mut R) -> Vec<Hypothesis> {
+        let settings = self.settings;
+        let mut population: Vec<Hypothesis> = Vec::new();
+        for (depth, level) in settings.levels.iter().enumerate() {
+            if depth == 0 {
+                population = propose(
+                    self.model,
+                    self.observation,
+                    self.boxes,
+                    self.plane.as_ref(),
+                    settings,
+                    level.samples,
+                    rng,
+                )
+                .into_iter()
+                .map(|pose| Hypothesis { pose, score: 0.0 })
+                .collect();
+            } else {
+                population = thin_out(&population, level.samples, settings.ess, rng);
+            }
+            let last = depth + 1 == settings.levels.len();
+            let ess = if last { settings.last_ess } else { settings.ess };
+            for iteration in 0..level.iterations {
+                if iteration > 0 {
+                    population = diffuse(&population, level, iteration - 1, ess, rng);
+                }
+                self.advance(&mut population, level);
+            }
+        }
+        self.polish(population)
+    }
+
+    /// Moves and weighs every hypothesis of a level.
+    fn advance(&mut self, population: &mut Vec<Hypothesis>, level: &SearchLevel) {
+        let model = self.model;
+        let lod = model.lod(level.triangles);
+        for h in population.iter_mut() {
+            for _ in 0..level.steps {
+                h.pose = self.moved(lod, &h.pose, level.stride, level.kernel);
+            }
+            h.score = self.weigh(lod, &h.pose, level.stride, level.kernel);
+        }
+        population.sort_by(|a, b| b.score.total_cmp(&a.score));
+    }
+
+    /// The best few at full resolution; the others get their full-resolution scores for the posterior.
+    fn polish(&mut self, mut population: Vec<Hypothesis>) -> Vec<Hypothesis> {
+        let model = self.model;
+        let (lod, settings) = (model.lod(FINAL_TRIANGLES), self.settings);
+        population.truncate(settings.finalists);
+        for h in population.iter_mut() {
+            let mut best = Hypothesis {
+                pose: h.pose,
+                score: self.weigh(lod, &h.pose, 1, settings.final_kernel),
+            };
+            let mut pose = h.pose;
+            for _ in 0..settings.final_steps {
+                pose = self.moved(lod, &pose, 1, settings.final_kernel);
+            }
+            let score = self.weigh(lod, &pose, 1, settings.final_kernel);
+            if score > best.score {
+                best = Hypothesis { pose, score };
+            }
+            *h = best;
+        }
+        population.sort_by(|a, b| b.score.total_cmp(&a.score));
+        population
+    }
+
+    /// One Gauss-Newton step; the same pose where it cannot be rendered.
+    fn moved(&mut self, lod: &Lod, pose: &Isometry3<f32>, stride: usize, kernel: f32) -> Isometry3<f32> {
+        let level = self.observation.level(stride);
+        if self.raster.render(lod, pose, level, self.plane.as_ref()).is_none() {
+            return *pose;
+        }
+        let radius = self.model.radius;
+        let sums = accumulate(&self.raster.tile, level, kernel, &pose.translation.vector, radius);
+        step(pose, &sums, radius, self.settings.damping)
+    }
+
+    /// The score of a pose; 0 for one that cannot be seen whole enough to be judged.
+    pub fn weigh(&mut self, lod: &Lod, pose: &Isometry3<f32>, stride: usize, kernel: f32) -> f32 {
+        self.rendered += 1;
+        let (settings, observation) = (self.settings, self.observation);
+        let level = observation.level(stride);
+        // The centre must be in the image: slivers at the border fit anything.
+        let k = &observation.intrinsics;
+        let centre = Vector3::from(pose.translation.vector);
+        match k.project(&nalgebra::Point3::from(centre.cast::<f64>())) {
+            Some(p) if p.x >= 0.0 && p.y >= 0.0 && p.x < k.width as f64 && p.y < k.height as f64 => {}
+            _ => return 0.0,
+        }
+        let Some(extent) = self.raster.render(lod, pose, level, self.plane.as_ref()) else {
+            return 0.0;
+        };
+        let terms = compare(&self.raster.tile, level, kernel);
+        let s = stride as f64;
+        let pixel = |x: f32, most: usize| {
+            (f64::from(x) * s + (s - 1.0) / 2.0).clamp(0.0, most as f64 - 1.0)
+        };
+        let bounds = [
+            pixel(extent.bounds[0], k.width),
+            pixel(extent.bounds[1], k.height),
+            pixel(extent.bounds[2], k.width),
+            pixel(extent.bounds[3], k.height),
+        ];
+        let support = self
+            .boxes
+            .iter()
+            .filter(|b| !b.vague)
+            .map(|b| b.confidence * iou(&b.bbox, &bounds))
+            .fold(0.0, f64::max);
+        let lowest = self.plane.is_some().then_some(extent.lowest);
+        terms.score(settings, stride, support as f32, lowest)
+    }
+
+    /// Whether two results are one: near in score, position and surface. Hulls are compared by their support functions,
+    /// whose largest difference is the Hausdorff distance; so a turned can is the same can.
+    fn same(&self, a: &Hypothesis, b: &Hypothesis) -> bool {
+        let s = self.settings;
+        (a.score - b.score).abs() < s.same_score
+            && (a.pose.translation.vector - b.pose.translation.vector).norm() < s.same_position_m
+            && directions(HULL_CHECKS).all(|d| {
+                (reach(&self.model.hull, &a.pose, &d) - reach(&self.model.hull, &b.pose, &d)).abs() < s.same_hull_m
+            })
+    }
+}
+
+/// Triangles of the mesh that the final scores are made with.
+pub(crate) const FINAL_TRIANGLES: usize = 1000;
+
+/// Support function of the posed hull: how far it reaches in direction `d`.
+pub(crate) fn reach(hull: &[Vector3<f32>], pose: &Isometry3<f32>, d: &Vector3<f32>) -> f32 {
+    let local = pose.rotation.inverse() * d;
+    hull.iter().map(|p| p.dot(&local)).fold(f32::MIN, f32::max) + pose.translation.vector.dot(d)
+}
+
+/// Bounds `[u0, v0, u1, v1]` of the projected points, clipped to the image; `None` when one is behind the camera.
+pub(crate) fn to_camera_bounds(points: &[Vector3<f32>], pose: &Isometry3<f32>, k: &Intrinsics) -> Option<[f64; 4]> {
+    let r = pose.rotation.to_rotation_matrix();
+    let (fx, fy, cx, cy) = (k.fx as f32, k.fy as f32, k.cx as f32, k.cy as f32);
+    let mut b = [f32::MAX, f32::MAX, f32::MIN, f32::MIN];
+    for p in points {
+        let q = r * p + pose.translation.vector;
+        if q.z < 0.05 {
+            return None;
+        }
+        let (u, v) = (fx * q.x / q.z + cx, fy * q.y / q.z + cy);
+        b = [b[0].min(u), b[1].min(v), b[2].max(u), b[3].max(v)];
+    }
+    let clip = |x: f32, most: usize| f64::from(x).clamp(0.0, most as f64 - 1.0);
+    Some([clip(b[0], k.width), clip(b[1], k.height), clip(b[2], k.width), clip(b[3], k.height)])
+}
+
+/// `count` different hypotheses drawn by tempered weight; the best is always among them.
+fn thin_out<R: Rng>(population: &[Hypothesis], count: usize, ess: f64, rng: &mut R) -> Vec<Hypothesis> {
+    if population.len() <= count {
+        return population.to_vec();
+    }
+    let scores: Vec<f32> = population.iter().map(|h| h.score).collect();
+    let t = temperature(&scores, ess);
+    let weights: Vec<f32> = scores.iter().map(|s| s / t).collect();
+    let mut kept = gumbel_top(&weights, count, rng);
+    // Sorted by score, so the best is number 0.
+    if !kept.contains(&0)
+        && let Some(last) = kept.last_mut()
+    {
+        *last = 0;
+    }
+    kept.into_iter().map(|i| population[i]).collect()
+}
+
+/// Resampling with replacement and diffusion; the best stays as it is. DIFFERENCE to the paper: its step widths decay
+/// with the best weight, ours by schedule.
+fn diffuse<R: Rng>(population: &[Hypothesis], level: &SearchLevel, round: usize, ess: f64, rng: &mut R) -> Vec<Hypothesis> {
+    let scores: Vec<f32> = population.iter().map(|h| h.score).collect();
+    let t = temperature(&scores, ess);
+    let rounds = level.iterations.saturating_sub(2).max(1) as f32;
+    let between = |[from, to]: [f32; 2]| {
+        if from > 0.0 && to > 0.0 { from * (to / from).powf(round as f32 / rounds) } else { from }
+    };
+    let (shift, turn) = (between(level.diffusion_m), between(level.diffusion_rad));
+    let mut out: Vec<Hypothesis> = systematic(&scores, t, population.len(), rng)
+        .into_iter()
+        .map(|i| {
+            let h = population[i];
+            let mut normal = || -> f32 { StandardNormal.sample(rng) };
+            let offset = Vector3::new(normal(), normal(), normal()) * shift;
+            let rotation = small_rotation(turn, rng) * h.pose.rotation;
+            Hypothesis {
+                pose: Isometry3::from_parts(Translation3::from(h.pose.translation.vector + offset), rotation),
+                score: h.score,
+            }
+        })
+        .collect();
+    if let (Some(first), Some(best)) = (out.first_mut(), population.first()) {
+        *first = *best;
+    }
+    out
+}

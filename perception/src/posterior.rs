@@ -1,0 +1,32 @@
+//! What an estimator believes about one object.
+
+use grip_sim::pose::{Camera, Object, Pose};
+use serde::{Deserialize, Serialize};
+
+/// The belief about one object's pose.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct PosePosterior {
+    /// The object's name.
+    pub object: String,
+    /// The pose that explains the frame best.
+    pub best: Pose<Camera, Object>,
+    /// Weighted hypotheses, best first; weights sum to 1.
+    pub particles: Vec<(Pose<Camera, Object>, f64)>,
+    /// How well `best` explains the frame: 1 is perfect, about 0.5 is what an absent object finds by chance.
+    pub score: f64,
+    /// Probability-like, 0 to 1: that the object is in view and `best` is its pose. Grows with the score and with
+    /// independent restarts that ended in the same place.
+    pub confidence: f64,
+    /// Root mean square distance of the particles' origins from their mean, metres.
+    pub position_std_m: f64,
+    /// Spread of orientation, radians: root mean square change of the convex hull's support function, relative to the
+    /// object's radius. Turning a can about its axis changes nothing that depth can see, and counts as no spread.
+    pub rotation_std_rad: f64,
+    /// Independent searches made.
+    pub restarts: usize,
+    /// Hypotheses rendered and weighed.
+    pub hypotheses: usize,
+    /// Wall time, seconds. The only field that differs between equal calls.
+    pub seconds: f64,
+}
