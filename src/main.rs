@@ -14,6 +14,7 @@ mod run_dir;
 mod score;
 mod setup;
 mod trial;
+mod truth;
 
 use std::process::ExitCode;
 

@@ -6,7 +6,7 @@
 use grip_perception::metrics;
 use grip_sim::objects::ObjectModel;
 use grip_sim::physics::World;
-use grip_sim::pose::{Object, Pose, World as WorldFrame};
+use grip_sim::pose::{Camera, Object, Pose};
 use grip_sim::scene::Scene;
 use nalgebra::{Isometry3, Point3};
 
@@ -94,11 +94,11 @@ impl Watch {
 /// ADD and ADD-S of an estimate against the truth, metres.
 pub fn pose_errors(
     model: &ObjectModel,
-    truth: &Pose<WorldFrame, Object>,
-    estimate: &Pose<WorldFrame, Object>,
+    truth: &Pose<Camera, Object>,
+    estimate: &Pose<Camera, Object>,
 ) -> (f64, f64) {
     let points = model_points(model);
-    (metrics::add(&points, truth.iso(), estimate.iso()), metrics::adds(&points, truth.iso(), estimate.iso()))
+    (metrics::add(&points, truth, estimate), metrics::adds(&points, truth, estimate))
 }
 
 /// Vertices of the model, thinned to at most a thousand, evenly over the list.

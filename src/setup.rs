@@ -4,18 +4,22 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use anyhow::{Context, Result};
+use grip_manip::{BeliefScene, BinGeometry};
+use grip_perception::Workspace;
 use grip_sim::camera::Intrinsics;
 use grip_sim::condition::Condition;
 use grip_sim::frame::CameraFrame;
 use grip_sim::mesh::Visual;
 use grip_sim::objects::{ObjectLibrary, ObjectModel, resolve_set};
 use grip_sim::physics::{Dropped, World, drop_objects};
-use grip_sim::pose::{Camera, Pose, World as WorldFrame};
-use grip_sim::render::{self, Renderer, Rendering};
+use grip_sim::images::LabelImage;
+use grip_sim::pose::{Camera, Object, Pose, World as WorldFrame};
+use grip_sim::render::{self, Instance, RenderScene, Renderer, Rendering};
 use grip_sim::robot::{RobotConfig, RobotModel};
 use grip_sim::scene::Scene;
 use grip_sim::sensor::{self, depth::DepthNoise};
 use nalgebra::{Isometry3, Point3};
+use rand::RngExt;
 
 use crate::assets;
 use crate::cli::SceneArgs;
@@ -94,9 +98,58 @@ impl Setup {
             &self.condition,
             &self.intrinsics,
             &self.world_from_camera(world),
-            self.depth_noise,
+            &self.depth_noise,
             &mut random,
         )?)
+    }
+
+    /// Labels of objects drawn alone at believed poses, as the camera of `frame` would see them.
+    pub fn render_believed(
+        &self,
+        renderer: &mut dyn Renderer,
+        frame: &CameraFrame,
+        believed: impl Iterator<Item = (usize, Pose<WorldFrame, Object>)>,
+    ) -> Result<LabelImage> {
+        let instances = believed
+            .map(|(i, pose)| Instance {
+                visual: self.models[i].visual.clone(),
+                pose: *pose.iso(),
+                label: i as u16 + 1,
+            })
+            .collect();
+        let scene = RenderScene { instances };
+        let rendering =
+            renderer.render(&scene, &self.condition.lighting, &frame.intrinsics, &frame.world_from_camera)?;
+        Ok(rendering.labels)
+    }
+
+    /// The seed of the consumer `name` in this run.
+    pub fn stream(&self, name: &str) -> u64 {
+        grip_sim::rng::stream(self.seed, name).random()
+    }
+
+    /// What the robot knows of its cell before it looks: table, bin and where it stands. No objects.
+    pub fn empty_belief(&self) -> BeliefScene {
+        let bin = &self.scene.bin;
+        BeliefScene {
+            fixtures: self.scene.fixtures().into_iter().map(|f| f.shape).collect(),
+            table_height: self.scene.table.height,
+            bin: BinGeometry {
+                world_from_bin: Pose::new(bin.world_from_bin()),
+                inner: bin.inner,
+                wall_height: bin.wall_height,
+            },
+            objects: Vec::new(),
+            world_from_base: self.scene.world_from_base(),
+        }
+    }
+
+    /// Where objects may lie, from the map of the cell: over the table, on the side of the bin's outline that faces the
+    /// region, and below the camera.
+    pub fn workspace(&self) -> Workspace {
+        let table = &self.scene.table;
+        let ([x0, y0], [x1, y1]) = (table.low(), table.high());
+        Workspace { min: [x0, y0, table.height - 0.02], max: [x1, y1, table.height + 0.4] }
     }
 
     /// The camera's pose by forward kinematics of the measured joints.
@@ -147,5 +200,5 @@ fn start_configuration(scene: &Scene, robot: &RobotModel, config: &RobotConfig) 
     }
     let [x, y, z] = scene.robot.look_at;
     let target = scene.world_from_base().inverse().transform_point(&Point3::new(x, y, z));
-    Ok(config.look_at(robot, &q, &target))
+    Ok(config.head.look_at(robot, &q, &target))
 }

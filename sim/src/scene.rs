@@ -367,6 +367,13 @@ impl Bin {
             && (-0.005..=self.wall_height + margin).contains(&p.z)
     }
 
+    /// Distance of (x, y) from the bin's outline seen from above, metres; 0 inside.
+    pub fn distance(&self, x: f64, y: f64) -> f64 {
+        let p = self.world_from_bin().inverse_transform_point(&Point3::new(x, y, 0.0));
+        let over = |v: f64, inner: f64| (v.abs() - inner / 2.0 - self.wall_thickness).max(0.0);
+        over(p.x, self.inner[0]).hypot(over(p.y, self.inner[1]))
+    }
+
     fn solids(&self, table_height: f64) -> Vec<Fixture> {
         let world_from_bin = self.world_from_bin();
         let (hx, hy) = (self.inner[0] / 2.0, self.inner[1] / 2.0);
@@ -471,6 +478,7 @@ gap = 0.03
         assert!(bin.contains(&Point3::new(0.7, 0.45, 0.65), 0.0));
         assert!(!bin.contains(&Point3::new(0.7, 0.24, 0.65), 0.0));
         assert!(!bin.contains(&Point3::new(0.7, 0.45, 0.9), 0.05));
+        assert!((bin.distance(0.7, 0.0) - (0.45 - 0.21)).abs() < 1e-9 && bin.distance(0.6, 0.5) == 0.0);
         // Floor and four walls meet without gap: their volume is the closed form of the shell.
         let volume: f64 = bin
             .solids(0.6)

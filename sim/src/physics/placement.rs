@@ -87,11 +87,8 @@ fn astray(world: &World, scene: &Scene) -> Option<String> {
         if !inside(&scene.table, p.x, p.y, EDGE_M) || p.z < height {
             return Some(format!("{name} fell off the table"));
         }
-        // Over the bin's outline at all counts: what is to be packed must not begin in the bin.
-        let in_bin = scene.bin.world_from_bin().inverse_transform_point(&p.into());
-        let margin = world.object(i).diameter / 2.0;
-        let near = |v: f64, inner: f64| v.abs() < inner / 2.0 + scene.bin.wall_thickness + margin;
-        (near(in_bin.x, scene.bin.inner[0]) && near(in_bin.y, scene.bin.inner[1]))
+        // What is to be packed must not begin in the bin, nor lean on it.
+        (scene.bin.distance(p.x, p.y) <= 0.0 || world.touches_bin(i))
             .then(|| format!("{name} came to rest at the bin"))
     })
 }
@@ -154,7 +151,8 @@ fn spread(world: &mut World, scene: &Scene, models: &[Arc<ObjectModel>], random:
                 let apart = ((at[0] - other[0]).powi(2) + (at[1] - other[1]).powi(2)).sqrt();
                 apart >= radius + r + region.gap
             });
-            (free && inside(&scene.table, at[0], at[1], EDGE_M)).then_some(at)
+            let clear = scene.bin.distance(at[0], at[1]) >= radius + region.gap;
+            (free && clear && inside(&scene.table, at[0], at[1], EDGE_M)).then_some(at)
         });
         let Some([x, y]) = place else {
             return Ok(Err(format!("no free place for {}", model.info.name)));

@@ -49,6 +49,8 @@ pub struct World {
     pub(super) robot_model: Arc<RobotModel>,
     pub(super) objects: Vec<ObjectBody>,
     fixed: Vec<(Pose, SharedShape)>,
+    /// Which fixtures are parts of the bin.
+    bin_parts: Vec<usize>,
     contacts: Contacts,
     steps: u64,
 }
@@ -76,6 +78,8 @@ impl World {
         let floor = Pose::from_parts(Vector::new(0.0, 0.0, -0.5), Rotation::IDENTITY);
         insert_fixed(&mut physics, floor, SharedShape::cuboid(10.0, 10.0, 0.5), 0.6, fixtures.len());
 
+        let bin_parts =
+            (0..fixtures.len()).filter(|&i| fixtures[i].kind == crate::scene::FixtureKind::Bin).collect();
         let base = *scene.world_from_base().iso();
         let robot_body = RobotBody::insert(&mut physics, robot.clone(), config, base, q)?;
         Ok(Self {
@@ -84,6 +88,7 @@ impl World {
             robot_model: robot,
             objects: Vec::new(),
             fixed,
+            bin_parts,
             contacts: Contacts::default(),
             steps: 0,
         })
@@ -232,6 +237,12 @@ impl World {
             .filter_map(|handle| self.physics.colliders.get(*handle))
             .map(|c| f64::from(c.compute_aabb().mins.z))
             .fold(f64::INFINITY, f64::min)
+    }
+
+    /// Whether object `index` touched a part of the bin in the last step.
+    pub fn touches_bin(&self, index: usize) -> bool {
+        let touched = &self.contacts.objects[index].fixtures;
+        touched.iter().any(|&fixture| self.bin_parts.contains(&fixture))
     }
 
     /// Contacts of object `index` in the last step.

@@ -6,6 +6,7 @@
 mod bvh;
 mod check;
 pub mod cpu;
+mod furniture;
 mod pyramid;
 mod shading;
 pub(crate) mod srgb;
@@ -23,6 +24,7 @@ use crate::images::{DepthImage, Image, LabelImage, RadianceImage};
 use crate::mesh::Visual;
 use crate::pose::{Camera, Pose, World};
 
+pub use self::furniture::furniture;
 pub use self::shading::MAX_LIGHTS;
 
 /// Nothing nearer to the camera than this along its axis is drawn, metres: the camera looks out through its own housing.

@@ -1,0 +1,416 @@
+//! One trial, top to bottom: look, estimate, believe, plan, act, score; again until nothing is left to pack.
+//!
+//! Scene -> World -> CameraFrame -> Detections -> PosePosterior -> Grasp -> Trajectory -> Outcome -> Score -> Report
+
+use std::time::Instant;
+
+use anyhow::{Context, Result};
+use grip_manip::{BeliefScene, BelievedObject, BinGeometry, ExecStage, ExecutionReport, PlanStage, Planner};
+use grip_perception::{Clusters, Detector, GripEstimator, PoseEstimator, PosePosterior, WholeImage};
+use grip_sim::frame::CameraFrame;
+use grip_sim::physics::World;
+use grip_sim::pose::Pose;
+use grip_sim::render::Renderer;
+use indicatif::ProgressBar;
+
+use crate::cli;
+use crate::outcome::{Clauses, ItemResult, Outcome, Stage, TRIAL_SCHEMA, TrialResult};
+use crate::pictures;
+use crate::port::WorldPort;
+use crate::report::LookPictures;
+use crate::score::{self, Watch};
+use crate::setup::Setup;
+use crate::truth;
+
+/// An object is given up after this many attempts.
+const MAX_ATTEMPTS: u32 = 3;
+/// Looks in a row after which nothing could be planned end the trial.
+const MAX_FRUITLESS_LOOKS: u32 = 2;
+/// Below this confidence an estimate is no target, only an obstacle.
+const CONFIDENT: f64 = 0.25;
+/// Simulated seconds at the end of the trial for everything to come to rest.
+const FINAL_SETTLE_S: f64 = 4.0;
+/// Speed below which an item counts as at rest, m/s.
+const AT_REST_M_S: f64 = 0.01;
+
+/// What to run.
+#[derive(Debug, Clone, Copy)]
+pub struct Spec {
+    /// Who estimates poses.
+    pub estimator: cli::Estimator,
+    /// Who proposes boxes.
+    pub detector: cli::Detector,
+    /// How many of the scene's objects are to be packed; the rest is clutter.
+    pub items: usize,
+}
+
+/// A finished trial.
+pub struct Trial {
+    /// The score.
+    pub result: TrialResult,
+    /// The pictures of every look.
+    pub looks: Vec<LookPictures>,
+    /// The scene before the first and after the last action, as PNG.
+    pub before: Vec<u8>,
+    /// After the last action.
+    pub after: Vec<u8>,
+}
+
+/// Everything that is known about one item while the trial goes on.
+#[derive(Debug, Clone, Default)]
+struct Ledger {
+    attempts: u32,
+    /// The executor says that it lies in the bin, and where.
+    believed_packed: Option<Pose<grip_sim::pose::World, grip_sim::pose::Object>>,
+    given_up: bool,
+    failure: Option<(Outcome, Stage, String)>,
+    clauses: Clauses,
+    add_m: Option<f64>,
+    adds_m: Option<f64>,
+    estimate_s: f64,
+    plan_s: f64,
+    slip_m: Option<f64>,
+    peak_force_n: f64,
+    knocked_out: bool,
+}
+
+impl Ledger {
+    fn fail(&mut self, outcome: Outcome, stage: Stage, reason: impl Into<String>) {
+        self.failure = Some((outcome, stage, reason.into()));
+    }
+
+    fn is_open(&self) -> bool {
+        self.believed_packed.is_none() && !self.given_up && self.attempts < MAX_ATTEMPTS
+    }
+}
+
+/// Runs a trial.
+///
+/// # Errors
+/// When rendering, estimation or the world fails; a failed grasp is a result, not an error.
+pub fn run(setup: &Setup, spec: Spec, renderer: &mut dyn Renderer, progress: &ProgressBar) -> Result<Trial> {
+    let started = Instant::now();
+    progress.set_message("settling the scene");
+    let (mut world, dropped) = setup.drop_objects()?;
+    log::info!("scene settled in {:.1} s, {} layouts rejected", dropped.settle_s, dropped.rejected.len());
+
+    let detector: Box<dyn Detector> = match spec.detector {
+        cli::Detector::Clusters => Box::new(Clusters::new(setup.cluster_settings())),
+        cli::Detector::None => Box::new(WholeImage),
+    };
+    let grip = GripEstimator::new(setup.grip_settings())?;
+    let planner = setup.planner()?;
+    let mut ledgers = vec![Ledger::default(); setup.models.len()];
+    let mut looks = Vec::new();
+    let mut before = Vec::new();
+    let mut fruitless = 0;
+
+    loop {
+        let open: Vec<usize> = (0..spec.items).filter(|&i| ledgers[i].is_open()).collect();
+        if open.is_empty() || fruitless >= MAX_FRUITLESS_LOOKS {
+            break;
+        }
+        let look = looks.len();
+        let packed = ledgers.iter().filter(|l| l.believed_packed.is_some()).count();
+        progress.set_message(format!("look {}: estimating poses ({packed} of {} packed)", look + 1, spec.items));
+
+        // Look and estimate everything that is not believed to be in the bin.
+        let (frame, _) = setup.capture(&world, renderer, look)?;
+        let out: Vec<usize> = (0..ledgers.len()).filter(|&i| ledgers[i].believed_packed.is_none()).collect();
+        let posteriors = match spec.estimator {
+            cli::Estimator::Truth => truth::posteriors(&world, &frame, &out),
+            cli::Estimator::Grip => estimate(setup, detector.as_ref(), &grip, &frame, &out, look)?,
+        };
+        for (&i, posterior) in out.iter().zip(&posteriors) {
+            ledgers[i].estimate_s += posterior.seconds;
+            let truth = frame.world_from_camera.inverse() * world.truth(i);
+            let (add, adds) = score::pose_errors(world.object(i), &truth, &posterior.best);
+            if ledgers[i].is_open() {
+                (ledgers[i].add_m, ledgers[i].adds_m) = (Some(add), Some(adds));
+            }
+        }
+        if look == 0 {
+            before = pictures::rgb_png(&frame.rgb)?;
+        }
+
+        // Believe, and plan for the first open object that can be packed.
+        let (belief, belief_index) = believe(setup, &frame, &out, &posteriors, &ledgers);
+        let order: Vec<usize> = planner.pick_order(&belief).into_iter().filter(|&b| open.contains(&belief_index[b])).collect();
+        for &i in &open {
+            if !order.iter().any(|&b| belief_index[b] == i) {
+                let confidence = out.iter().position(|&o| o == i).map_or(0.0, |p| posteriors[p].confidence);
+                ledgers[i].fail(Outcome::NotPerceived, Stage::Look, format!("confidence {confidence:.2}"));
+            }
+        }
+        let mut chosen = None;
+        for b in order {
+            let i = belief_index[b];
+            progress.set_message(format!("look {}: planning for {}", look + 1, setup.models[i].info.name));
+            let clock = Instant::now();
+            let plan = planner.plan_pick_place(&belief, b, world.joints(), setup.stream(&format!("plan/{look}/{i}")));
+            ledgers[i].plan_s += clock.elapsed().as_secs_f64();
+            match plan {
+                Ok(plan) => {
+                    chosen = Some((i, plan));
+                    break;
+                }
+                Err(failure) => {
+                    let outcome = match failure.stage {
+                        PlanStage::NoPlacePose => Outcome::NoPlace,
+                        PlanStage::NoGrasp | PlanStage::NoIk => Outcome::NoGrasp,
+                        _ => Outcome::NoPath,
+                    };
+                    ledgers[i].fail(outcome, Stage::Plan, failure.to_string());
+                }
+            }
+        }
+        let caption = match &chosen {
+            Some((i, _)) => format!("picks {}", setup.models[*i].info.name),
+            None => "nothing can be picked".to_string(),
+        };
+        looks.push(draw_look(setup, renderer, &frame, &out, &posteriors, caption)?);
+        let Some((i, plan)) = chosen else {
+            fruitless += 1;
+            continue;
+        };
+        fruitless = 0;
+
+        // Act, with the score watching.
+        progress.set_message(format!("look {}: packing {}", look + 1, setup.models[i].info.name));
+        let whereabouts = score::whereabouts(&world, &setup.scene);
+        world.reset_peaks();
+        let mut watch = Watch::begin(&world, i, setup.config.gripper.link);
+        let report = WorldPort::new(&mut world, Some(&mut watch)).execute(&plan, &planner)?;
+        let ledger = &mut ledgers[i];
+        ledger.attempts += 1;
+        ledger.clauses = watch.clauses;
+        ledger.slip_m = watch.slip_m;
+        ledger.peak_force_n = ledger.peak_force_n.max(world.peak_force(i));
+        ledger.failure = None;
+        match failure_of(&report, &watch) {
+            Some((outcome, stage, reason)) => ledger.fail(outcome, stage, reason),
+            None => ledger.believed_packed = Some(plan.world_from_object_placed()),
+        }
+
+        // Back to where the camera sees the table, then count what was knocked out.
+        go_home(setup, &mut world, &planner, &belief, look)?;
+        let after = score::whereabouts(&world, &setup.scene);
+        let lost = score::knocked_out(&whereabouts, &after, i);
+        ledgers[i].clauses.nothing_knocked_out = lost.is_empty();
+        for other in lost {
+            ledgers[other].knocked_out = true;
+        }
+    }
+
+    progress.set_message("settling the bin");
+    world.settle(FINAL_SETTLE_S);
+    let (frame, _) = setup.capture(&world, renderer, looks.len())?;
+    let items = finish(setup, &world, &mut ledgers, spec.items);
+    let result = TrialResult {
+        schema: TRIAL_SCHEMA,
+        seed: setup.seed,
+        scene: setup.scene.name.clone(),
+        condition: setup.condition.name.clone(),
+        estimator: spec.estimator.name(),
+        detector: spec.detector.name(),
+        object_set: setup.library.set().label(),
+        renderer: renderer.name(),
+        requested: spec.items,
+        packed: items.iter().filter(|item| item.outcome == Outcome::Packed).count(),
+        wall_s: started.elapsed().as_secs_f64(),
+        sim_s: world.time(),
+        items,
+        state_hash: world.state_hash(),
+    };
+    Ok(Trial { result, looks, before, after: pictures::rgb_png(&frame.rgb)? })
+}
+
+/// Runs both stages on a frame for the objects `which`.
+fn estimate(
+    setup: &Setup,
+    detector: &dyn Detector,
+    estimator: &dyn PoseEstimator,
+    frame: &CameraFrame,
+    which: &[usize],
+    look: usize,
+) -> Result<Vec<PosePosterior>> {
+    let models: Vec<_> = which.iter().map(|&i| setup.models[i].clone()).collect();
+    let detections = detector.detect(frame, &models).context("detector")?;
+    estimator.estimate(frame, &detections, &models, setup.stream(&format!("filter/{look}"))).context("estimator")
+}
+
+/// The belief after a look: what was estimated with some confidence, and what was put into the bin where it was put.
+///
+/// Also tells for each believed object which of the scene's objects it is.
+fn believe(
+    setup: &Setup,
+    frame: &CameraFrame,
+    which: &[usize],
+    posteriors: &[PosePosterior],
+    ledgers: &[Ledger],
+) -> (BeliefScene, Vec<usize>) {
+    let mut belief = setup.empty_belief();
+    let mut index = Vec::new();
+    let mut add = |i: usize, pose, position_std_m, confidence, packed| {
+        let model = setup.models[i].clone();
+        belief.objects.push(BelievedObject {
+            name: model.info.name.clone(),
+            model,
+            world_from_object: pose,
+            position_std_m,
+            confidence,
+            packed,
+        });
+        index.push(i);
+    };
+    for (&i, posterior) in which.iter().zip(posteriors) {
+        if posterior.confidence >= CONFIDENT {
+            let pose = frame.world_from_camera * posterior.best;
+            add(i, pose, posterior.position_std_m, posterior.confidence, false);
+        }
+    }
+    for (i, ledger) in ledgers.iter().enumerate() {
+        if let Some(pose) = ledger.believed_packed {
+            add(i, pose, 0.0, 1.0, true);
+        }
+    }
+    (belief, index)
+}
+
+/// What went wrong by the executor's own account and by what the fingers held; `None` when it says that all is well.
+fn failure_of(report: &ExecutionReport, watch: &Watch) -> Option<(Outcome, Stage, String)> {
+    let (stage, reason) = report.failure()?;
+    let (outcome, stage) = match stage {
+        ExecStage::Approach => (Outcome::CollisionOnApproach, Stage::Approach),
+        ExecStage::Grasp => (Outcome::Missed, Stage::Grasp),
+        ExecStage::Lift => (Outcome::SlippedOnLift, Stage::Lift),
+        ExecStage::Carry => (Outcome::DroppedInTransit, Stage::Carry),
+        ExecStage::Place => (Outcome::CollisionInTransit, Stage::Place),
+    };
+    let outcome = if watch.wrong_object.is_some() { Outcome::WrongObject } else { outcome };
+    Some((outcome, stage, reason))
+}
+
+/// The believed poses as outlines on the frame.
+fn draw_look(
+    setup: &Setup,
+    renderer: &mut dyn Renderer,
+    frame: &CameraFrame,
+    which: &[usize],
+    posteriors: &[PosePosterior],
+    caption: String,
+) -> Result<LookPictures> {
+    let believed = setup.render_believed(
+        renderer,
+        frame,
+        which
+            .iter()
+            .zip(posteriors)
+            .filter(|(_, p)| p.confidence >= CONFIDENT)
+            .map(|(&i, p)| (i, frame.world_from_camera * p.best)),
+    )?;
+    Ok(LookPictures {
+        caption,
+        rgb: pictures::rgb_png(&frame.rgb)?,
+        depth: pictures::rgb_png(&pictures::depth_color(&frame.depth))?,
+        overlay: pictures::rgb_png(&pictures::outlines(&frame.rgb, &believed))?,
+    })
+}
+
+/// Final outcomes, when everything has come to rest.
+fn finish(setup: &Setup, world: &World, ledgers: &mut [Ledger], items: usize) -> Vec<ItemResult> {
+    ledgers
+        .iter_mut()
+        .enumerate()
+        .take(items)
+        .map(|(i, ledger)| {
+            ledger.clauses.in_bin = score::in_bin(world, &setup.scene, i) && world.speed(i) < AT_REST_M_S;
+            let (outcome, stage, reason) = verdict(ledger);
+            ItemResult {
+                object: setup.models[i].info.name.clone(),
+                outcome,
+                stage,
+                reason,
+                attempts: ledger.attempts,
+                add_m: ledger.add_m,
+                adds_m: ledger.adds_m,
+                estimate_s: ledger.estimate_s,
+                plan_s: ledger.plan_s,
+                slip_m: ledger.slip_m,
+                peak_force_n: ledger.peak_force_n,
+                clauses: ledger.clauses,
+            }
+        })
+        .collect()
+}
+
+/// The outcome that the clauses of the last attempt leave, whatever the robot believed.
+fn verdict(ledger: &Ledger) -> (Outcome, Stage, String) {
+    let c = ledger.clauses;
+    if ledger.knocked_out && !c.in_bin {
+        return (Outcome::KnockedOut, Stage::Done, "knocked out while another item was handled".into());
+    }
+    if let Some((outcome, stage, reason)) = &ledger.failure {
+        return (*outcome, *stage, reason.clone());
+    }
+    if ledger.attempts == 0 {
+        return (Outcome::NotAttempted, Stage::Look, "the trial ended before".into());
+    }
+    let failed = |outcome, stage, reason: &str| (outcome, stage, reason.to_string());
+    if c.all() {
+        failed(Outcome::Packed, Stage::Done, "")
+    } else if !c.opposing_contacts && !c.in_bin {
+        failed(Outcome::Missed, Stage::Grasp, "no opposing finger contacts when the lift began")
+    } else if !c.lifted_clear && !c.in_bin {
+        failed(Outcome::SlippedOnLift, Stage::Lift, "never lifted clear")
+    } else if !c.held_after_carry && !c.in_bin {
+        failed(Outcome::DroppedInTransit, Stage::Carry, "not held at the end of the carry")
+    } else if !c.in_bin {
+        failed(Outcome::PlacedOutside, Stage::Place, "not at rest in the bin at the end")
+    } else if !c.nothing_knocked_out {
+        failed(Outcome::Disturbed, Stage::Done, "another item was knocked off the table or out of the bin")
+    } else {
+        failed(Outcome::NotGrasped, Stage::Done, "in the bin, but not by a grasp that held all the way")
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn packed() -> Ledger {
+        let clauses = Clauses {
+            opposing_contacts: true,
+            lifted_clear: true,
+            held_after_carry: true,
+            in_bin: true,
+            nothing_knocked_out: true,
+        };
+        Ledger { attempts: 1, clauses, ..Ledger::default() }
+    }
+
+    #[test]
+    fn each_clause_alone_undoes_a_success() {
+        assert_eq!(verdict(&packed()).0, Outcome::Packed);
+        let breaks: [(fn(&mut Clauses), Outcome); 5] = [
+            (|c| c.opposing_contacts = false, Outcome::NotGrasped),
+            (|c| c.lifted_clear = false, Outcome::NotGrasped),
+            (|c| c.held_after_carry = false, Outcome::NotGrasped),
+            (|c| c.in_bin = false, Outcome::PlacedOutside),
+            (|c| c.nothing_knocked_out = false, Outcome::Disturbed),
+        ];
+        for (break_it, outcome) in breaks {
+            let mut ledger = packed();
+            break_it(&mut ledger.clauses);
+            assert_eq!(verdict(&ledger).0, outcome);
+        }
+    }
+
+    #[test]
+    fn what_the_robot_reports_as_failed_is_never_a_success() {
+        let mut ledger = packed();
+        ledger.fail(Outcome::DroppedInTransit, Stage::Carry, "fingers closed");
+        assert_eq!(verdict(&ledger).0, Outcome::DroppedInTransit);
+        assert_eq!(verdict(&Ledger::default()).0, Outcome::NotAttempted);
+    }
+}
