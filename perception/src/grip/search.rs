@@ -8,7 +8,7 @@ use rand_distr::{Distribution, StandardNormal};
 use super::lod::{Lod, Model, directions};
 use super::observation::Observation;
 use super::propose::{BoxPrior, propose, small_rotation};
-use super::raster::{FlatPlane, Raster};
+use super::raster::{FlatPlane, Raster, render};
 use super::refine::{accumulate, step};
 use super::resample::{gumbel_top, systematic, temperature};
 use super::score::compare;
@@ -17,6 +17,9 @@ use crate::detector::iou;
 
 /// Directions in which two hulls are compared.
 const HULL_CHECKS: usize = 64;
+
+/// Restarts after which a search may be given up.
+const HOPELESS_RESTARTS: usize = 3;
 
 /// A pose and how well it explains the frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -81,7 +84,8 @@ impl<'a> Search<'a> {
                 best = Some(end);
             }
             ends.push(end);
-            if agreed {
+            let hopeless = ends.len() >= HOPELESS_RESTARTS && best.is_none_or(|b| b.score < self.settings.hopeless_score);
+            if agreed || hopeless {
                 break;
             }
         }
@@ -170,7 +174,7 @@ impl<'a> Search<'a> {
     /// One Gauss-Newton step; the same pose where it cannot be rendered.
     fn moved(&mut self, lod: &Lod, pose: &Isometry3<f32>, stride: usize, kernel: f32) -> Isometry3<f32> {
         let level = self.observation.level(stride);
-        if self.raster.render(lod, pose, level, self.plane.as_ref()).is_none() {
+        if render(&mut self.raster, lod, pose, level, self.plane.as_ref()).is_none() {
             return *pose;
         }
         let radius = self.model.radius;
@@ -190,7 +194,7 @@ impl<'a> Search<'a> {
             Some(p) if p.x >= 0.0 && p.y >= 0.0 && p.x < k.width as f64 && p.y < k.height as f64 => {}
             _ => return 0.0,
         }
-        let Some(extent) = self.raster.render(lod, pose, level, self.plane.as_ref()) else {
+        let Some(extent) = render(&mut self.raster, lod, pose, level, self.plane.as_ref()) else {
             return 0.0;
         };
         let terms = compare(&self.raster.tile, level, kernel);
