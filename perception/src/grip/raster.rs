@@ -1,9 +1,9 @@
 //! A small depth renderer: one model at one pose into a tile of inverse depth.
 //!
 //! Inverse depth is linear on the screen, and larger is nearer, so an empty pixel is 0 and the depth test is a maximum.
-//! Triangles are filled row by row between their edges; an edge is computed from its upper to its lower vertex whatever
-//! the triangle, so that neighbours share it to the bit and leave no gap. A row is written in aligned blocks of eight
-//! pixels with the pixels outside masked: reading back what was just written in another alignment would stall.
+//! A triangle is drawn in blocks of eight pixels, down its rows, by the signs of three linear functions: most triangles
+//! are so small that finding the ends of each row would cost more. Blocks are aligned, or reading back what was just
+//! written in another alignment would stall.
 
 use nalgebra::{Isometry3, Vector3};
 
@@ -44,6 +44,14 @@ impl Tile {
     #[inline]
     pub fn values(&self) -> &[f32] {
         self.w.as_flattened()
+    }
+
+    /// Empties what was drawn to the right of the last column.
+    fn clear_right_margin(&mut self) {
+        for y in 0..self.height {
+            let (from, to) = (self.index(self.width, y), self.index(0, y + 1) - LANES);
+            self.w.as_flattened_mut()[from..to].fill(0.0);
+        }
     }
 
     /// An empty tile of this size.
@@ -115,6 +123,9 @@ fn render_body(
         };
         fill(tile, corner(a), corner(b), corner(c));
     }
+    if extent.bounds[2] > u1 {
+        tile.clear_right_margin();
+    }
     Some(extent)
 }
 
@@ -166,6 +177,10 @@ fn ceil(x: f32) -> i32 {
     (((x + 0.5) + MAGIC).to_bits() as i32).wrapping_sub(MAGIC.to_bits() as i32)
 }
 
+/// Half-plane tests count a pixel as inside up to this much outside, pixels squared: neighbours may both draw a pixel (the
+/// nearer wins), but none is left out between them.
+const SLACK: f32 = 1e-3;
+
 /// Fills one triangle, vertices `[x, y, 1/z]` in tile pixels. Back faces (clockwise in a picture with y up) are skipped.
 #[inline(always)]
 fn fill(tile: &mut Tile, a: [f32; 3], b: [f32; 3], c: [f32; 3]) {
@@ -174,59 +189,48 @@ fn fill(tile: &mut Tile, a: [f32; 3], b: [f32; 3], c: [f32; 3]) {
     if !(area < -1e-6) {
         return;
     }
-    let sorted = |p: [f32; 3], q: [f32; 3]| if q[1] < p[1] { (q, p) } else { (p, q) };
-    let (top, middle) = sorted(a, b);
-    let (middle, bottom) = sorted(middle, c);
-    let (top, middle) = sorted(top, middle);
-    let rows = tile.height as i32;
-    let first = ceil(top[1]).clamp(0, rows);
-    let split = ceil(middle[1]).clamp(0, rows);
-    let end = ceil(bottom[1]).clamp(0, rows);
-    if first >= end {
+    // The pixels from ceil(low) to floor(high).
+    let range = |axis: usize, size: usize| {
+        let low = a[axis].min(b[axis]).min(c[axis]);
+        let high = a[axis].max(b[axis]).max(c[axis]);
+        let clamped = |x: f32| ceil(x).clamp(0, size as i32) as usize;
+        (clamped(low - SLACK), clamped(high + SLACK))
+    };
+    let (top, bottom) = range(1, tile.height);
+    let (left, right) = range(0, tile.width);
+    if top >= bottom || left >= right {
         return;
     }
     let inverse = 1.0 / area;
     let slope_x = ((b[2] - a[2]) * (c[1] - a[1]) - (c[2] - a[2]) * (b[1] - a[1])) * inverse;
     let slope_y = ((c[2] - a[2]) * (b[0] - a[0]) - (b[2] - a[2]) * (c[0] - a[0])) * inverse;
-    let at_origin = a[2] - slope_x * a[0] - slope_y * a[1];
-    let across = F8::INDEX * F8::all(slope_x);
     // A sliver's slope is ill-conditioned: no pixel is nearer than the nearest vertex.
     let nearest = F8::all(a[2].max(b[2]).max(c[2]));
-
-    let edge = |p: [f32; 3], q: [f32; 3]| (q[0] - p[0]) / (q[1] - p[1]);
-    let long = edge(top, bottom);
-    let halves = [
-        (first, split, top, edge(top, middle)),
-        (split, end, middle, edge(middle, bottom)),
-    ];
-    let columns = tile.width as i32;
-    for (from, to, corner, slope) in halves {
-        for row in from..to {
-            let y = row as f32;
-            let x0 = top[0] + (y - top[1]) * long;
-            let x1 = corner[0] + (y - corner[1]) * slope;
-            let (left, right) = if x0 < x1 { (x0, x1) } else { (x1, x0) };
-            let left = ceil(left).clamp(0, columns);
-            let right = ceil(right).clamp(0, columns);
-            if left >= right {
-                continue;
+    let slack = F8::all(SLACK);
+    let y = top as f32;
+    for block in left / LANES..=(right - 1) / LANES {
+        let x = F8::INDEX + F8::all((block * LANES) as f32);
+        // Twice the area that an edge spans with the pixel: negative inside. Zero for a shared edge seen from either side.
+        let edge = |p: [f32; 3], q: [f32; 3]| {
+            let (dx, dy) = (q[0] - p[0], q[1] - p[1]);
+            let start = F8::all(dx * (y - p[1])) - F8::all(dy) * (x - F8::all(p[0]));
+            (start, F8::all(dx))
+        };
+        let ((mut e0, d0), (mut e1, d1), (mut e2, d2)) = (edge(a, b), edge(b, c), edge(c, a));
+        let mut value = F8::all(a[2] + slope_y * (y - a[1])) + F8::all(slope_x) * (x - F8::all(a[0]));
+        let down = F8::all(slope_y);
+        let mut at = (top + 1) * tile.blocks + 1 + block;
+        for _ in top..bottom {
+            let outside = e0.max(e1).max(e2);
+            let drawn = slack.above(outside, value.min(nearest), F8::ZERO);
+            if let Some(pixels) = tile.w.get_mut(at) {
+                *pixels = drawn.max(F8(*pixels)).0;
             }
-            let start = (row as usize + 1) * tile.blocks + 1;
-            let (first, last) = (left as usize / LANES, (right as usize - 1) / LANES);
-            let at_row = at_origin + slope_y * y;
-            // Half-way between pixel columns, so that the comparisons below are strict either way.
-            let (open, close) = (F8::all(left as f32 - 0.5), F8::all(right as f32 - 0.5));
-            let Some(blocks) = tile.w.get_mut(start + first..=start + last) else {
-                continue;
-            };
-            for (n, block) in blocks.iter_mut().enumerate() {
-                let x = ((first + n) * LANES) as f32;
-                let column = F8::INDEX + F8::all(x);
-                let value = (across + F8::all(at_row + slope_x * x)).min(nearest);
-                let value = column.above(open, value, F8::ZERO);
-                let value = close.above(column, value, F8::ZERO);
-                *block = value.max(F8(*block)).0;
-            }
+            e0 += d0;
+            e1 += d1;
+            e2 += d2;
+            value += down;
+            at += tile.blocks;
         }
     }
 }
