@@ -21,6 +21,9 @@ const HULL_CHECKS: usize = 64;
 /// Restarts after which a search may be given up.
 const HOPELESS_RESTARTS: usize = 3;
 
+/// A step of the polish that moves no point farther ends it, metres: a tenth of what the noise leaves.
+const CONVERGED_M: f32 = 1e-4;
+
 /// A pose and how well it explains the frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Hypothesis {
@@ -159,7 +162,13 @@ impl<'a> Search<'a> {
             };
             let mut pose = h.pose;
             for _ in 0..settings.final_steps {
+                let before = pose;
                 pose = self.moved(lod, &pose, 1, settings.final_kernel);
+                let shift = (pose.translation.vector - before.translation.vector).norm();
+                let turn = pose.rotation.angle_to(&before.rotation) * self.model.radius;
+                if shift.max(turn) < CONVERGED_M {
+                    break;
+                }
             }
             let score = self.weigh(lod, &pose, 1, settings.final_kernel);
             if score > best.score {
