@@ -77,7 +77,7 @@ fn main() {
     }
     println!("{:24} {:>3} {:>6} {:>6} {:>8} {:>6} {:>6} {:>6} {:>7}", "object", "n", "<5mm", "<1cm", "median", "score", "conf", "starts", "ms");
     let mut all = Vec::new();
-    let mut row = |name: &str, rows: &[(f64, f64, f64, f64, f64)]| {
+    let row = |name: &str, rows: &[(f64, f64, f64, f64, f64)]| {
         let n = rows.len() as f64;
         let share = |most: f64| rows.iter().filter(|r| r.0 < most).count() as f64 / n;
         let mean = |f: fn(&(f64, f64, f64, f64, f64)) -> f64| rows.iter().map(f).sum::<f64>() / n;

@@ -4,7 +4,7 @@ use nalgebra::Isometry3;
 
 use super::lod::Model;
 use super::observation::Observation;
-use super::raster::Raster;
+use super::raster::{Raster, render};
 
 /// Stride and triangles at which claims are drawn.
 const STRIDE: usize = 2;
@@ -18,13 +18,13 @@ pub(crate) fn explained(model: &Model, pose: &Isometry3<f32>, observation: &Obse
     let level = observation.level(STRIDE);
     let mut marks = vec![false; level.w.len()];
     let mut raster = Raster::default();
-    if raster.render(model.lod(TRIANGLES), pose, level, None).is_none() {
+    if render(&mut raster, model.lod(TRIANGLES), pose, level, None).is_none() {
         return marks;
     }
     let tile = &raster.tile;
     for y in 0..tile.height {
         for x in 0..tile.width {
-            let w = tile.w[tile.index(x, y)];
+            let w = tile.values()[tile.index(x, y)];
             let i = level.index(tile.u0 + x as i32, tile.v0 + y as i32);
             let close = (level.w[i] - w).abs() < KERNEL * level.tol[i] * w;
             marks[i] = w > 0.0 && level.w[i] > 0.0 && close && level.weight[i] > 0.0;

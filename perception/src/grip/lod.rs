@@ -6,7 +6,7 @@ use grip_sim::objects::ObjectModel;
 use meshopt::SimplifyOptions;
 use nalgebra::{Point3, Vector3};
 
-use super::observation::LANES;
+use super::lanes::{F8, LANES};
 use super::resting::{Resting, resting_orientations};
 use crate::error::{Error, Result};
 
@@ -14,13 +14,11 @@ use crate::error::{Error, Result};
 const HULL_DIRECTIONS: usize = 96;
 const OUTLINE_DIRECTIONS: usize = 20;
 
-/// A simplified mesh, structure of arrays.
+/// A simplified mesh, in blocks for the kernels.
 #[derive(Debug, Clone)]
 pub(crate) struct Lod {
-    /// Vertex coordinates in the object frame, padded to [`LANES`] by repeating the last vertex.
-    pub x: Vec<f32>,
-    pub y: Vec<f32>,
-    pub z: Vec<f32>,
+    /// Blocks of vertex coordinates `[x, y, z]` in the object frame, padded by repeating the last vertex.
+    pub blocks: Vec<[F8; 3]>,
     /// Vertex indices, counter-clockwise from outside, ordered so that neighbours in the list face alike.
     pub triangles: Vec<[u32; 3]>,
 }
@@ -152,26 +150,26 @@ fn simplify(positions: &[[f32; 3]], triangles: &[[u32; 3]], count: usize) -> Lod
     sort_by_normal(&positions, &mut faces, 0);
     // Vertices in the order of first use.
     let mut new = vec![u32::MAX; positions.len()];
-    let (mut x, mut y, mut z) = (Vec::new(), Vec::new(), Vec::new());
+    let mut used: Vec<[f32; 3]> = Vec::new();
     for i in faces.iter_mut().flatten() {
         let slot = &mut new[*i as usize];
         if *slot == u32::MAX {
-            *slot = x.len() as u32;
-            let [px, py, pz] = positions[*i as usize];
-            x.push(px);
-            y.push(py);
-            z.push(pz);
+            *slot = used.len() as u32;
+            used.push(positions[*i as usize]);
         }
         *i = *slot;
     }
-    for axis in [&mut x, &mut y, &mut z] {
-        let last = axis.last().copied().unwrap_or(0.0);
-        axis.resize(axis.len().next_multiple_of(LANES), last);
-    }
+    let block = |vertices: &[[f32; 3]]| {
+        [0, 1, 2].map(|axis| {
+            let mut out = F8::ZERO;
+            for (i, value) in out.0.iter_mut().enumerate() {
+                *value = vertices[i.min(vertices.len() - 1)][axis];
+            }
+            out
+        })
+    };
     Lod {
-        x,
-        y,
-        z,
+        blocks: used.chunks(LANES).map(block).collect(),
         triangles: faces,
     }
 }

@@ -8,6 +8,7 @@
 //! principle, generate and weigh by rendering, is the same.
 
 mod joint;
+mod lanes;
 mod lod;
 mod observation;
 mod propose;
@@ -142,7 +143,7 @@ impl GripEstimator {
             let Some(found) = &results[i].0 else { continue };
             let mut mine = joint::explained(&models[i], &found.best.pose, observation);
             let conflict = claims.iter().any(|c| joint::overlap(c, &mine) > self.settings.conflict_share);
-            if conflict {
+            if conflict && found.best.score > self.settings.hopeless_score {
                 let rest = observation.without(&taken);
                 let (second, seconds) = again(i, &rest);
                 let hypotheses = found.hypotheses;

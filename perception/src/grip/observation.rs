@@ -5,14 +5,13 @@ use grip_sim::camera::Intrinsics;
 use grip_sim::frame::CameraFrame;
 use nalgebra::Point3;
 
+use super::lanes::LANES;
 use super::settings::GripSettings;
 use crate::detector::is_reading;
 use crate::plane::{Plane, fit_support_plane};
 
 /// The strides that are prepared.
 pub(crate) const STRIDES: [usize; 3] = [1, 2, 4];
-/// Rows are read in blocks of this many pixels; the padding on the right is at least as wide.
-pub(crate) const LANES: usize = 8;
 /// Readings in a block that are farther than this from each other belong to two surfaces, metres.
 const BLOCK_SPREAD: f32 = 0.015;
 /// Depth edges are looked for across holes of up to this many pixels: the projector's shadow of a near object.
@@ -22,7 +21,8 @@ const EDGE_SLOPE: f32 = 0.002;
 /// Inverse depth of pixels that another object explains: an occluder right before the lens.
 const EXPLAINED: f32 = 20.0;
 
-/// The frame at one resolution. Arrays are padded: row and column -1 exist, and columns up to `pitch - 2`.
+/// The frame at one resolution. Arrays are padded: row and column -1 exist, and at least [`LANES`] columns on the right,
+/// since rows are read in blocks.
 #[derive(Debug, Clone)]
 pub(crate) struct Level {
     pub stride: usize,

@@ -2,8 +2,9 @@
 
 use nalgebra::{Isometry3, Matrix6, Translation3, UnitQuaternion, Vector3, Vector6};
 
-use super::observation::{LANES, Level};
-use super::raster::{Tile, lanes};
+use super::lanes::{F8, LANES, per_machine};
+use super::observation::Level;
+use super::raster::Tile;
 
 /// The kernel of the refinement is at least this many epsilons wide, or it could not pull from anywhere.
 const MIN_KERNEL: f32 = 2.0;
@@ -15,93 +16,92 @@ const MAX_MOVE: f32 = 0.05;
 /// Unknowns are rotation (times the object's radius) and translation.
 pub(crate) type Sums = [f32; 27];
 
-/// Sums the normal equations over a tile rendered at a pose whose translation is `centre`.
-///
-/// The rendered surface at a pixel is the plane `n . p = 1` with `n = (fx w_u, fy w_v, w - w_u (u - cx) - w_v (v - cy))`,
-/// w_u and w_v the differences of rendered inverse depth; the residual is the distance of the observed point of the same
-/// pixel from it, `(w / w' - 1) / |n|`. Tukey's weight `(1 - q^2)^2` times the plane weight; everything that is not an
-/// inlier is set to zero by selection, not by multiplication: NaN times 0 is NaN.
-pub(crate) fn accumulate(tile: &Tile, level: &Level, kernel: f32, centre: &Vector3<f32>, radius: f32) -> Sums {
-    let kernel = kernel.max(MIN_KERNEL);
-    let mut sums = [[0.0f32; LANES]; 27];
-    let (inverse_fx, inverse_fy) = (1.0 / level.fx, 1.0 / level.fy);
-    let scale = 1.0 / radius;
+per_machine! {
+    /// Sums the normal equations over a tile rendered at a pose whose translation is `centre`.
+    ///
+    /// The rendered surface at a pixel is the plane `n . p = 1` with `n = (fx w_u, fy w_v, w - w_u (u - cx) - w_v (v - cy))`,
+    /// w_u and w_v the differences of rendered inverse depth; the residual is the distance of the observed point of the
+    /// same pixel from it, `(w / w' - 1) / |n|`. Tukey's weight `(1 - q^2)^2` times the plane weight; everything that is
+    /// not an inlier is set to zero by selection, not by multiplication: NaN times 0 is NaN.
+    pub(crate) fn accumulate(
+        tile: &Tile,
+        level: &Level,
+        kernel: f32,
+        centre: &Vector3<f32>,
+        radius: f32,
+    ) -> Sums => accumulate_body
+}
+
+/// Central difference at a pixel of value `at`, one-sided at the rim.
+#[inline(always)]
+fn difference(before: F8, at: F8, after: F8) -> F8 {
+    let both = before.min(after).positive(F8::all(0.5), F8::all(1.0));
+    (after.positive(after, at) - before.positive(before, at)) * both
+}
+
+#[inline(always)]
+fn accumulate_body(tile: &Tile, level: &Level, kernel: f32, centre: &Vector3<f32>, radius: f32) -> Sums {
+    let (zero, one) = (F8::ZERO, F8::all(1.0));
+    let kernel = F8::all(kernel.max(MIN_KERNEL));
+    let (fx, fy) = (F8::all(level.fx), F8::all(level.fy));
+    let (inverse_fx, inverse_fy) = (F8::all(1.0 / level.fx), F8::all(1.0 / level.fy));
+    let (scale, centre) = (F8::all(1.0 / radius), centre.map(F8::all));
+    let (values, pitch) = (tile.values(), tile.pitch());
+    let mut sums = [F8::ZERO; 27];
     for y in 0..tile.height {
-        let dv = (tile.v0 + y as i32) as f32 - level.cy;
+        let row = tile.index(0, y);
+        let observed = level.index(tile.u0, tile.v0 + y as i32);
+        let dv = F8::all((tile.v0 + y as i32) as f32 - level.cy);
         for x in (0..tile.width).step_by(LANES) {
-            let t = tile.index(x, y);
-            let o = level.index(tile.u0 + x as i32, tile.v0 + y as i32);
-            let w = lanes(&tile.w, t);
-            let (left, right) = (lanes(&tile.w, t - 1), lanes(&tile.w, t + 1));
-            let (up, down) = (lanes(&tile.w, t - tile.pitch), lanes(&tile.w, t + tile.pitch));
-            let (seen, tol, weight) = (lanes(&level.w, o), lanes(&level.tol, o), lanes(&level.weight, o));
-            let mut j = [[0.0f32; LANES]; 6];
-            let mut pull = [0.0f32; LANES];
-            let mut residual = [0.0f32; LANES];
-            let first = (tile.u0 + x as i32) as f32 - level.cx;
-            let mut any = 0.0;
-            for i in 0..LANES {
-                let safe = if w[i] > 0.0 { w[i] } else { 1.0 };
-                let read = if seen[i] > 0.0 { seen[i] } else { 1.0 };
-                let q = (read - safe) / (kernel * tol[i] * safe);
-                let inside = 1.0 - q * q;
-                let has_u = left[i] + right[i] > 0.0;
-                let has_v = up[i] + down[i] > 0.0;
-                let usable = (w[i] > 0.0) & (seen[i] > 0.0) & (inside > 0.0) & has_u & has_v;
-                let k = if usable { inside * inside * weight[i] } else { 0.0 };
-                // Central differences, one-sided at the rim.
-                let before = if left[i] > 0.0 { left[i] } else { safe };
-                let after = if right[i] > 0.0 { right[i] } else { safe };
-                let both = if (left[i] > 0.0) & (right[i] > 0.0) { 0.5 } else { 1.0 };
-                let wu = (after - before) * both;
-                let before = if up[i] > 0.0 { up[i] } else { safe };
-                let after = if down[i] > 0.0 { down[i] } else { safe };
-                let both = if (up[i] > 0.0) & (down[i] > 0.0) { 0.5 } else { 1.0 };
-                let wv = (after - before) * both;
-                let du = first + i as f32;
-                let n = [level.fx * wu, level.fy * wv, safe - wu * du - wv * dv];
-                let length = (n[0] * n[0] + n[1] * n[1] + n[2] * n[2]).sqrt();
-                let length = if length > 1e-6 { length } else { 1.0 };
-                let inverse = 1.0 / length;
-                let n = [n[0] * inverse, n[1] * inverse, n[2] * inverse];
-                let depth = 1.0 / safe;
-                let arm = [
-                    (du * inverse_fx * depth - centre.x) * scale,
-                    (dv * inverse_fy * depth - centre.y) * scale,
-                    (depth - centre.z) * scale,
-                ];
-                j[0][i] = arm[1] * n[2] - arm[2] * n[1];
-                j[1][i] = arm[2] * n[0] - arm[0] * n[2];
-                j[2][i] = arm[0] * n[1] - arm[1] * n[0];
-                j[3][i] = n[0];
-                j[4][i] = n[1];
-                j[5][i] = n[2];
-                residual[i] = (safe / read - 1.0) * inverse;
-                pull[i] = k;
-                any += k;
-            }
-            if any == 0.0 {
+            let (t, o) = (row + x, observed + x);
+            let w = F8::load(values, t);
+            let safe = w.positive(w, one);
+            let seen = F8::load(&level.w, o);
+            let read = seen.positive(seen, one);
+            let q = (read - safe) / (kernel * F8::load(&level.tol, o) * safe);
+            let inside = one - q * q;
+            let pull = inside.positive(inside * inside * F8::load(&level.weight, o), zero);
+            let pull = w.positive(seen.positive(pull, zero), zero);
+            let (left, right) = (F8::load(values, t - 1), F8::load(values, t + 1));
+            let (up, down) = (F8::load(values, t - pitch), F8::load(values, t + pitch));
+            // A pixel with no neighbour in a row or column has no normal.
+            let pull = left.max(right).min(up.max(down)).positive(pull, zero);
+            if pull == zero {
                 continue;
             }
+            let (wu, wv) = (difference(left, safe, right), difference(up, safe, down));
+            let du = F8::INDEX + F8::all((tile.u0 + x as i32) as f32 - level.cx);
+            let n = [fx * wu, fy * wv, safe - wu * du - wv * dv];
+            let length = (n[0] * n[0] + n[1] * n[1] + n[2] * n[2]).sqrt();
+            let inverse = one / length.max(F8::all(1e-6));
+            let n = n.map(|x| x * inverse);
+            let depth = one / safe;
+            let arm = [
+                (du * inverse_fx * depth - centre.x) * scale,
+                (dv * inverse_fy * depth - centre.y) * scale,
+                (depth - centre.z) * scale,
+            ];
+            let j = [
+                arm[1] * n[2] - arm[2] * n[1],
+                arm[2] * n[0] - arm[0] * n[2],
+                arm[0] * n[1] - arm[1] * n[0],
+                n[0],
+                n[1],
+                n[2],
+            ];
+            let residual = (safe / read - one) * inverse;
             let mut slot = 0;
             for a in 0..6 {
-                let mut pulled = [0.0f32; LANES];
-                for i in 0..LANES {
-                    pulled[i] = pull[i] * j[a][i];
-                }
+                let pulled = pull * j[a];
                 for other in &j[a..6] {
-                    for i in 0..LANES {
-                        sums[slot][i] += pulled[i] * other[i];
-                    }
+                    sums[slot] += pulled * *other;
                     slot += 1;
                 }
-                for i in 0..LANES {
-                    sums[21 + a][i] += pulled[i] * residual[i];
-                }
+                sums[21 + a] += pulled * residual;
             }
         }
     }
-    sums.map(|s| s.iter().sum())
+    sums.map(F8::sum)
 }
 
 /// The pose after one damped step; the same pose when there is nothing to go by.

@@ -5,8 +5,9 @@
 //! the support plane explain nothing; edges are compared along the silhouette. In the same search W finds .92 of the poses
 //! where this score finds .97.
 
-use super::observation::{LANES, Level};
-use super::raster::{Tile, lanes};
+use super::lanes::{F8, LANES, per_machine};
+use super::observation::Level;
+use super::raster::Tile;
 use super::settings::GripSettings;
 
 /// Sums over a rendered tile.
@@ -28,42 +29,46 @@ pub(crate) struct Terms {
     pub edge: f32,
 }
 
-/// Compares a tile with a level. With `q = (w' - w) / (kernel tol w)`, w' observed and w rendered inverse depth, the
-/// fit is `max(0, 1 - q^2)`; |q| = 1 is where the two points are kernel times epsilon apart.
-pub(crate) fn compare(tile: &Tile, level: &Level, kernel: f32) -> Terms {
-    let mut sums = [[0.0f32; LANES]; 7];
+per_machine! {
+    /// Compares a tile with a level. With `q = (w' - w) / (kernel tol w)`, w' observed and w rendered inverse depth, the
+    /// fit is `max(0, 1 - q^2)`; |q| = 1 is where the two points are kernel times epsilon apart.
+    pub(crate) fn compare(tile: &Tile, level: &Level, kernel: f32) -> Terms => compare_body
+}
+
+#[inline(always)]
+fn compare_body(tile: &Tile, level: &Level, kernel: f32) -> Terms {
+    let (zero, one, kernel) = (F8::ZERO, F8::all(1.0), F8::all(kernel));
+    let (values, pitch) = (tile.values(), tile.pitch());
+    let mut sums = [F8::ZERO; 7];
     for y in 0..tile.height {
+        let row = tile.index(0, y);
+        let observed = level.index(tile.u0, tile.v0 + y as i32);
         for x in (0..tile.width).step_by(LANES) {
-            let t = tile.index(x, y);
-            let o = level.index(tile.u0 + x as i32, tile.v0 + y as i32);
-            let w = lanes(&tile.w, t);
-            let (left, right) = (lanes(&tile.w, t - 1), lanes(&tile.w, t + 1));
-            let (up, down) = (lanes(&tile.w, t - tile.pitch), lanes(&tile.w, t + tile.pitch));
-            let (seen, tol) = (lanes(&level.w, o), lanes(&level.tol, o));
-            let (weight, edge) = (lanes(&level.weight, o), lanes(&level.edge, o));
-            for i in 0..LANES {
-                let rendered = if w[i] > 0.0 { 1.0 } else { 0.0 };
-                let safe = if w[i] > 0.0 { w[i] } else { 1.0 };
-                let read = if seen[i] > 0.0 { rendered } else { 0.0 };
-                let q = (seen[i] - safe) / (kernel * tol[i] * safe);
-                let fit = 1.0 - q * q;
-                let fit = if fit > 0.0 { fit } else { 0.0 };
-                let visible = if q < 1.0 { read } else { 0.0 };
-                let across = if left[i] < right[i] { left[i] } else { right[i] };
-                let along = if up[i] < down[i] { up[i] } else { down[i] };
-                let least = if across < along { across } else { along };
-                let rim = if least > 0.0 { 0.0 } else { visible };
-                sums[0][i] += rendered;
-                sums[1][i] += rendered - read;
-                sums[2][i] += read - visible;
-                sums[3][i] += if q <= -1.0 { read } else { 0.0 };
-                sums[4][i] += fit * weight[i] * read;
-                sums[5][i] += rim;
-                sums[6][i] += rim * edge[i];
+            let (t, o) = (row + x, observed + x);
+            let w = F8::load(values, t);
+            let rendered = w.positive(one, zero);
+            if rendered == zero {
+                continue;
             }
+            let safe = w.positive(w, one);
+            let seen = F8::load(&level.w, o);
+            let read = seen.positive(rendered, zero);
+            let q = (seen - safe) / (kernel * F8::load(&level.tol, o) * safe);
+            let fit = (one - q * q).max(zero);
+            let visible = one.above(q, read, zero);
+            let across = F8::load(values, t - 1).min(F8::load(values, t + 1));
+            let along = F8::load(values, t - pitch).min(F8::load(values, t + pitch));
+            let rim = across.min(along).positive(zero, visible);
+            sums[0] += rendered;
+            sums[1] += rendered - read;
+            sums[2] += read - visible;
+            sums[3] += (zero - q).above(one, read, zero);
+            sums[4] += fit * F8::load(&level.weight, o) * read;
+            sums[5] += rim;
+            sums[6] += rim * F8::load(&level.edge, o);
         }
     }
-    let [rendered, hole, occluded, violated, fit, rim, edge] = sums.map(|s| s.iter().sum());
+    let [rendered, hole, occluded, violated, fit, rim, edge] = sums.map(F8::sum);
     Terms {
         rendered,
         hole,

@@ -8,7 +8,7 @@ use rand_distr::{Distribution, StandardNormal};
 use super::lod::{Lod, Model, directions};
 use super::observation::Observation;
 use super::propose::{BoxPrior, propose, small_rotation};
-use super::raster::{FlatPlane, Raster};
+use super::raster::{FlatPlane, Raster, render};
 use super::refine::{accumulate, step};
 use super::resample::{gumbel_top, systematic, temperature};
 use super::score::compare;
@@ -17,6 +17,12 @@ use crate::detector::iou;
 
 /// Directions in which two hulls are compared.
 const HULL_CHECKS: usize = 64;
+
+/// Restarts after which a search may be given up.
+const HOPELESS_RESTARTS: usize = 3;
+
+/// A step of the polish that moves no point farther ends it, metres: a tenth of what the noise leaves.
+const CONVERGED_M: f32 = 1e-4;
 
 /// A pose and how well it explains the frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -81,7 +87,8 @@ impl<'a> Search<'a> {
                 best = Some(end);
             }
             ends.push(end);
-            if agreed {
+            let hopeless = ends.len() >= HOPELESS_RESTARTS && best.is_none_or(|b| b.score < self.settings.hopeless_score);
+            if agreed || hopeless {
                 break;
             }
         }
@@ -155,7 +162,13 @@ impl<'a> Search<'a> {
             };
             let mut pose = h.pose;
             for _ in 0..settings.final_steps {
+                let before = pose;
                 pose = self.moved(lod, &pose, 1, settings.final_kernel);
+                let shift = (pose.translation.vector - before.translation.vector).norm();
+                let turn = pose.rotation.angle_to(&before.rotation) * self.model.radius;
+                if shift.max(turn) < CONVERGED_M {
+                    break;
+                }
             }
             let score = self.weigh(lod, &pose, 1, settings.final_kernel);
             if score > best.score {
@@ -170,7 +183,7 @@ impl<'a> Search<'a> {
     /// One Gauss-Newton step; the same pose where it cannot be rendered.
     fn moved(&mut self, lod: &Lod, pose: &Isometry3<f32>, stride: usize, kernel: f32) -> Isometry3<f32> {
         let level = self.observation.level(stride);
-        if self.raster.render(lod, pose, level, self.plane.as_ref()).is_none() {
+        if render(&mut self.raster, lod, pose, level, self.plane.as_ref()).is_none() {
             return *pose;
         }
         let radius = self.model.radius;
@@ -190,7 +203,7 @@ impl<'a> Search<'a> {
             Some(p) if p.x >= 0.0 && p.y >= 0.0 && p.x < k.width as f64 && p.y < k.height as f64 => {}
             _ => return 0.0,
         }
-        let Some(extent) = self.raster.render(lod, pose, level, self.plane.as_ref()) else {
+        let Some(extent) = render(&mut self.raster, lod, pose, level, self.plane.as_ref()) else {
             return 0.0;
         };
         let terms = compare(&self.raster.tile, level, kernel);

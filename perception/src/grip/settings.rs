@@ -52,6 +52,9 @@ pub struct GripSettings {
     pub final_kernel: f32,
     /// Restarts end when the best score was reached twice at the same place, or after this many.
     pub max_restarts: usize,
+    /// When the best of three restarts scores less, the object is not there: no more restarts, and no second search (a
+    /// true pose scores over 0.5 nearly always).
+    pub hopeless_score: f32,
     /// Weight of the depth fit in the score (paper: alpha_r).
     pub fit_weight: f32,
     /// Weight of the silhouette term (paper: alpha_e, in another form).
@@ -133,6 +136,7 @@ impl Default for GripSettings {
             final_steps: 8,
             final_kernel: 1.0,
             max_restarts: 8,
+            hopeless_score: 0.4,
             fit_weight: 0.6,
             edge_weight: 0.4,
             box_weight: 0.1,

@@ -1,0 +1,146 @@
+//! Eight floats at a time, written so that LLVM makes vector instructions of them, and one switch that compiles a kernel
+//! for the machine at hand.
+//!
+//! Every version does the same operations in the same order, lane by lane, and none fuses multiply and add: results are
+//! the same to the bit on every x86-64.
+
+use std::ops::{Add, AddAssign, Div, Mul, Sub};
+
+/// Lanes of a block.
+pub(crate) const LANES: usize = 8;
+
+/// A block of pixels or vertices.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[repr(align(32))]
+pub(crate) struct F8(pub [f32; LANES]);
+
+impl F8 {
+    /// 0 to 7.
+    pub const INDEX: Self = Self([0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0]);
+    /// All zero.
+    pub const ZERO: Self = Self([0.0; LANES]);
+
+    /// One value in all lanes.
+    #[inline(always)]
+    pub fn all(x: f32) -> Self {
+        Self([x; LANES])
+    }
+
+    /// Eight values from `at` on; zeros where the slice ends before that.
+    #[inline(always)]
+    pub fn load(values: &[f32], at: usize) -> Self {
+        match values.get(at..).and_then(|v| v.first_chunk()) {
+            Some(block) => Self(*block),
+            None => Self::ZERO,
+        }
+    }
+
+    #[inline(always)]
+    fn zip(self, other: Self, f: impl Fn(f32, f32) -> f32) -> Self {
+        let mut out = [0.0; LANES];
+        for i in 0..LANES {
+            out[i] = f(self.0[i], other.0[i]);
+        }
+        Self(out)
+    }
+
+    /// The smaller, lane by lane; `other` where they cannot be compared.
+    #[inline(always)]
+    pub fn min(self, other: Self) -> Self {
+        self.zip(other, |a, b| if a < b { a } else { b })
+    }
+
+    /// The larger, lane by lane; `other` where they cannot be compared.
+    #[inline(always)]
+    pub fn max(self, other: Self) -> Self {
+        self.zip(other, |a, b| if a > b { a } else { b })
+    }
+
+    /// Square root.
+    #[inline(always)]
+    pub fn sqrt(self) -> Self {
+        let mut out = [0.0; LANES];
+        for i in 0..LANES {
+            out[i] = self.0[i].sqrt();
+        }
+        Self(out)
+    }
+
+    /// `yes` where `self > other`, else `no`: a selection, so NaN and infinity in the other branch do no harm.
+    #[inline(always)]
+    pub fn above(self, other: Self, yes: Self, no: Self) -> Self {
+        let mut out = [0.0; LANES];
+        for i in 0..LANES {
+            out[i] = if self.0[i] > other.0[i] { yes.0[i] } else { no.0[i] };
+        }
+        Self(out)
+    }
+
+    /// `yes` where `self > 0`, else `no`.
+    #[inline(always)]
+    pub fn positive(self, yes: Self, no: Self) -> Self {
+        self.above(Self::ZERO, yes, no)
+    }
+
+    /// Sum of the lanes, in a fixed order.
+    #[inline(always)]
+    pub fn sum(self) -> f32 {
+        let a = self.0;
+        ((a[0] + a[4]) + (a[2] + a[6])) + ((a[1] + a[5]) + (a[3] + a[7]))
+    }
+
+    /// Smallest lane.
+    pub fn least(self) -> f32 {
+        self.0.iter().fold(f32::MAX, |m, x| m.min(*x))
+    }
+
+    /// Largest lane.
+    pub fn most(self) -> f32 {
+        self.0.iter().fold(f32::MIN, |m, x| m.max(*x))
+    }
+}
+
+macro_rules! lanewise {
+    ($($trait:ident $method:ident $op:tt),*) => {$(
+        impl $trait for F8 {
+            type Output = Self;
+            #[inline(always)]
+            fn $method(self, other: Self) -> Self {
+                self.zip(other, |a, b| a $op b)
+            }
+        }
+    )*};
+}
+lanewise!(Add add +, Sub sub -, Mul mul *, Div div /);
+
+impl AddAssign for F8 {
+    #[inline(always)]
+    fn add_assign(&mut self, other: Self) {
+        *self = *self + other;
+    }
+}
+
+/// Defines a function that runs `$body` compiled for AVX2 where the machine has it, else as the target's baseline.
+/// The body must be `#[inline(always)]` down to the leaves, or its callees stay at the baseline.
+macro_rules! per_machine {
+    ($(#[$doc:meta])* $vis:vis fn $name:ident($($arg:ident: $type:ty),* $(,)?) -> $out:ty => $body:path) => {
+        $(#[$doc])*
+        #[inline]
+        $vis fn $name($($arg: $type),*) -> $out {
+            #[cfg(target_arch = "x86_64")]
+            {
+                #[target_feature(enable = "avx2")]
+                fn avx2($($arg: $type),*) -> $out {
+                    $body($($arg),*)
+                }
+                if std::arch::is_x86_feature_detected!("avx2") {
+                    #[expect(unsafe_code, reason = "the feature that the callee is compiled for was just detected")]
+                    // SAFETY: AVX2 is available, and that is the only requirement of `avx2`.
+                    return unsafe { avx2($($arg),*) };
+                }
+            }
+            $body($($arg),*)
+        }
+    };
+}
+pub(crate) use per_machine;
