@@ -16,6 +16,8 @@ pub struct LookPictures {
     pub rgb: Vec<u8>,
     /// Depth in colours.
     pub depth: Vec<u8>,
+    /// Depth as 16-bit millimetres.
+    pub depth_mm: Vec<u8>,
     /// Colour with the estimated poses as outlines.
     pub overlay: Vec<u8>,
 }

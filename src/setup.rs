@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use anyhow::{Context, Result};
 use grip_manip::{BeliefScene, BinGeometry};
-use grip_perception::Workspace;
+use grip_perception::{ClusterSettings, Clusters, GripEstimator, GripSettings, Workspace};
 use grip_sim::camera::Intrinsics;
 use grip_sim::condition::Condition;
 use grip_sim::frame::CameraFrame;
@@ -144,12 +144,38 @@ impl Setup {
         }
     }
 
-    /// Where objects may lie, from the map of the cell: over the table, on the side of the bin's outline that faces the
-    /// region, and below the camera.
+    /// Where objects may lie, from the map of the cell: the largest rectangle of the table beside the bin, from just
+    /// below the table's top to 0.4 m above it.
     pub fn workspace(&self) -> Workspace {
+        /// Depth smears the bin's edges by about this much, metres.
+        const SMEAR_M: f64 = 0.01;
         let table = &self.scene.table;
-        let ([x0, y0], [x1, y1]) = (table.low(), table.high());
+        let bin = self.scene.bin.outline();
+        let (low, high) = (table.low(), table.high());
+        let mut best = (low, high);
+        if (0..2).all(|a| bin.0[a] < high[a] && bin.1[a] > low[a]) {
+            let beside = (0..2).flat_map(|a| {
+                let (mut below, mut above) = ((low, high), (low, high));
+                below.1[a] = bin.0[a] - SMEAR_M;
+                above.0[a] = bin.1[a] + SMEAR_M;
+                [below, above]
+            });
+            let area = |(l, h): &([f64; 2], [f64; 2])| (h[0] - l[0]).max(0.0) * (h[1] - l[1]).max(0.0);
+            best = beside.max_by(|a, b| area(a).total_cmp(&area(b))).unwrap_or(best);
+        }
+        let ([x0, y0], [x1, y1]) = best;
         Workspace { min: [x0, y0, table.height - 0.02], max: [x1, y1, table.height + 0.4] }
+    }
+
+    /// The cluster detector over the workspace.
+    pub fn clusters(&self) -> Clusters {
+        Clusters::new(ClusterSettings { workspace: Some(self.workspace()), ..ClusterSettings::default() })
+    }
+
+    /// GRIP's second stage over the workspace.
+    pub fn grip(&self) -> Result<GripEstimator> {
+        let settings = GripSettings { workspace: Some(self.workspace()), ..GripSettings::default() };
+        Ok(GripEstimator::new(settings)?)
     }
 
     /// The camera's pose by forward kinematics of the measured joints.

@@ -6,7 +6,7 @@ use std::time::Instant;
 
 use anyhow::{Context, Result};
 use grip_manip::{BeliefScene, BelievedObject, BinGeometry, ExecStage, ExecutionReport, PlanStage, Planner};
-use grip_perception::{Clusters, Detector, GripEstimator, PoseEstimator, PosePosterior, WholeImage};
+use grip_perception::{Detector, PoseEstimator, PosePosterior, WholeImage};
 use grip_sim::frame::CameraFrame;
 use grip_sim::physics::World;
 use grip_sim::pose::Pose;
@@ -95,10 +95,10 @@ pub fn run(setup: &Setup, spec: Spec, renderer: &mut dyn Renderer, progress: &Pr
     log::info!("scene settled in {:.1} s, {} layouts rejected", dropped.settle_s, dropped.rejected.len());
 
     let detector: Box<dyn Detector> = match spec.detector {
-        cli::Detector::Clusters => Box::new(Clusters::new(setup.cluster_settings())),
+        cli::Detector::Clusters => Box::new(setup.clusters()),
         cli::Detector::None => Box::new(WholeImage),
     };
-    let grip = GripEstimator::new(setup.grip_settings())?;
+    let grip = setup.grip()?;
     let planner = setup.planner()?;
     let mut ledgers = vec![Ledger::default(); setup.models.len()];
     let mut looks = Vec::new();
@@ -313,6 +313,7 @@ fn draw_look(
         caption,
         rgb: pictures::rgb_png(&frame.rgb)?,
         depth: pictures::rgb_png(&pictures::depth_color(&frame.depth))?,
+        depth_mm: pictures::depth_png_mm(&frame.depth)?,
         overlay: pictures::rgb_png(&pictures::outlines(&frame.rgb, &believed))?,
     })
 }

@@ -367,6 +367,14 @@ impl Bin {
             && (-0.005..=self.wall_height + margin).contains(&p.z)
     }
 
+    /// The bin's outline seen from above, walls included, as lower and upper corner of its bounding rectangle, metres.
+    pub fn outline(&self) -> ([f64; 2], [f64; 2]) {
+        let (sin, cos) = self.yaw.sin_cos();
+        let half = self.inner.map(|v| v / 2.0 + self.wall_thickness);
+        let reach = [half[0] * cos.abs() + half[1] * sin.abs(), half[0] * sin.abs() + half[1] * cos.abs()];
+        ([0, 1].map(|a| self.center[a] - reach[a]), [0, 1].map(|a| self.center[a] + reach[a]))
+    }
+
     /// Distance of (x, y) from the bin's outline seen from above, metres; 0 inside.
     pub fn distance(&self, x: f64, y: f64) -> f64 {
         let p = self.world_from_bin().inverse_transform_point(&Point3::new(x, y, 0.0));

@@ -1,0 +1,124 @@
+//! `grip pack`: a trial, its run folder, and what to print of it.
+
+use std::path::PathBuf;
+use std::time::Duration;
+
+use anyhow::{Result, ensure};
+use comfy_table::{CellAlignment, Table, presets::NOTHING};
+use grip_sim::render;
+use indicatif::{ProgressBar, ProgressStyle};
+
+use super::Done;
+use crate::cli::PackArgs;
+use crate::outcome::TrialResult;
+use crate::run_dir::RunDir;
+use crate::setup::Setup;
+use crate::trial::{self, Spec, Trial};
+use crate::{output, report};
+
+/// Packs, saves the run, prints the score.
+pub fn run(args: &PackArgs) -> Result<Done> {
+    // What a full disk or a wrong --out would spoil is found out before the work, not after it.
+    let named = args.out.as_deref().map(RunDir::begin).transpose()?;
+    let setup = Setup::load(&args.scene)?;
+    let run = match named {
+        Some(run) => run,
+        None => RunDir::begin(&default_folder(args, &setup))?,
+    };
+    let most = setup.models.len();
+    let items = args.items.unwrap_or(most);
+    ensure!((1..=most).contains(&items), "--items {items}: the scene has {most} objects; give 1 to {most}");
+    let spec = Spec { estimator: args.estimator, detector: args.detector, items };
+
+    let mut renderer = render::open(args.scene.renderer.into())?;
+    let progress = spinner();
+    let trial = trial::run(&setup, spec, renderer.as_mut(), &progress);
+    progress.finish_and_clear();
+    let trial = trial?;
+
+    save(&run, &setup, args, &trial)?;
+    let folder = run.finish()?;
+    if args.json {
+        output::data(format_args!("{}", serde_json::to_string_pretty(&trial.result)?))?;
+    } else {
+        output::data(format_args!("{}", table(&trial.result)))?;
+    }
+    let page = folder.join("report.html");
+    output::message(format_args!("report: {}", page.display()));
+    Ok(if trial.result.packed == trial.result.requested { Done::Fully } else { Done::Short })
+}
+
+fn default_folder(args: &PackArgs, setup: &Setup) -> PathBuf {
+    let name = format!(
+        "{}-{}-{}-{}",
+        setup.scene.name,
+        setup.condition.name,
+        args.estimator.name(),
+        args.scene.seed
+    );
+    PathBuf::from("runs").join(name)
+}
+
+/// Shown on a terminal only; silent in pipes and logs.
+fn spinner() -> ProgressBar {
+    let progress = ProgressBar::new_spinner();
+    if let Ok(style) = ProgressStyle::with_template("{spinner} {elapsed} {msg}") {
+        progress.set_style(style);
+    }
+    progress.enable_steady_tick(Duration::from_millis(120));
+    progress
+}
+
+fn save(run: &RunDir, setup: &Setup, args: &PackArgs, trial: &Trial) -> Result<()> {
+    let scenario = serde_json::json!({
+        "schema": "grip.scenario/1",
+        "program": env!("CARGO_PKG_VERSION"),
+        "seed": setup.seed,
+        "estimator": args.estimator.name(),
+        "detector": args.detector.name(),
+        "items": trial.result.requested,
+        "object_set": setup.library.set().label(),
+        "renderer": trial.result.renderer,
+        "robot": setup.robot.name(),
+        "intrinsics": setup.intrinsics,
+        "condition": setup.condition,
+        "scene": setup.scene,
+    });
+    run.write("scenario.json", serde_json::to_string_pretty(&scenario)?)?;
+    run.write("result.json", serde_json::to_string_pretty(&trial.result)?)?;
+    for (i, look) in trial.looks.iter().enumerate() {
+        run.write(&format!("frames/{i:02}_rgb.png"), &look.rgb)?;
+        run.write(&format!("frames/{i:02}_depth.png"), &look.depth_mm)?;
+        run.write(&format!("frames/{i:02}_overlay.png"), &look.overlay)?;
+    }
+    run.write("frames/end_rgb.png", &trial.after)?;
+    run.write("report.html", report::html(&trial.result, &trial.looks, &trial.before, &trial.after))
+}
+
+fn table(result: &TrialResult) -> String {
+    let mut table = Table::new();
+    table.load_preset(NOTHING);
+    table.set_header(["object", "outcome", "ADD-S mm", "slip mm", "peak N", "tries", "why"]);
+    for item in &result.items {
+        let mm = |metres: Option<f64>| metres.map_or("-".to_string(), |m| format!("{:.1}", m * 1e3));
+        table.add_row([
+            item.object.clone(),
+            item.outcome.words().to_string(),
+            mm(item.adds_m),
+            mm(item.slip_m),
+            format!("{:.0}", item.peak_force_n),
+            item.attempts.to_string(),
+            item.reason.clone(),
+        ]);
+    }
+    for column in 2..6 {
+        if let Some(column) = table.column_mut(column) {
+            column.set_cell_alignment(CellAlignment::Right);
+        }
+    }
+    let mark = if result.estimator == "truth" { " [estimator: truth, a ceiling and no result]" } else { "" };
+    format!(
+        "{table}\n\n{} of {} packed in {:.1} s ({:.1} s simulated), objects: {}, renderer: {}{mark}",
+        result.packed, result.requested, result.wall_s, result.sim_s, result.object_set, result.renderer
+    )
+}
