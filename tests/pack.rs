@@ -1,0 +1,95 @@
+//! The main job, end to end, as a user runs it.
+
+mod common;
+
+use common::{code, grip, root, stderr, stdout};
+use serde_json::Value;
+
+/// Packs with `--json`; returns the result and the run folder's result.json.
+fn pack(args: &[&str]) -> (Value, Value) {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("run");
+    let mut all = vec!["pack", "--json", "--out", out.to_str().unwrap()];
+    all.extend(args);
+    let output = grip(&all);
+    assert!(code(&output) < 2, "{}", stderr(&output));
+    let printed: Value = serde_json::from_str(&stdout(&output)).expect("stdout is one JSON object");
+    let saved = std::fs::read_to_string(out.join("result.json")).unwrap();
+    for file in ["report.html", "scenario.json", "frames/00_rgb.png", "frames/00_depth.png", "frames/00_overlay.png"] {
+        assert!(out.join(file).exists(), "{file}");
+    }
+    let page = std::fs::read_to_string(out.join("report.html")).unwrap();
+    assert!(!page.contains("http://") && !page.contains("https://"), "the page needs no network");
+    let all_packed = printed["packed"] == printed["requested"];
+    assert_eq!(code(&output), i32::from(!all_packed), "exit code 0 if and only if everything was packed");
+    (printed, serde_json::from_str(&saved).unwrap())
+}
+
+/// Wall times are the only thing that may differ between equal runs.
+fn without_wall_times(mut result: Value) -> Value {
+    result["wall_s"] = Value::Null;
+    for item in result["items"].as_array_mut().unwrap() {
+        item["estimate_s"] = Value::Null;
+        item["plan_s"] = Value::Null;
+    }
+    result
+}
+
+#[test]
+fn the_same_seed_gives_the_same_trial_and_the_schema_holds() {
+    let args = ["--seed", "2", "--items", "2", "--renderer", "cpu"];
+    let (first, saved) = pack(&args);
+    let (second, _) = pack(&args);
+    assert_eq!(first, saved);
+    assert_eq!(without_wall_times(first.clone()), without_wall_times(second));
+
+    assert_eq!(first["schema"], "grip.trial/1");
+    assert_eq!(first["seed"], 2);
+    assert_eq!(first["scene"], "grocery");
+    assert_eq!(first["condition"], "base");
+    assert_eq!(first["estimator"], "grip");
+    assert_eq!(first["detector"], "clusters");
+    assert_eq!(first["object_set"], "built-in");
+    assert_eq!(first["requested"], 2);
+    assert_eq!(first["state_hash"].as_str().unwrap().len(), 64);
+    for key in ["packed", "wall_s", "sim_s"] {
+        assert!(first[key].is_number(), "{key}");
+    }
+    for item in first["items"].as_array().unwrap() {
+        for key in ["object", "outcome", "stage"] {
+            assert!(item[key].is_string(), "{key}");
+        }
+        for key in ["estimate_s", "plan_s", "peak_force_n"] {
+            assert!(item[key].is_number(), "{key}");
+        }
+        // A packed item passed every clause.
+        let clauses = item["clauses"].as_object().unwrap();
+        let all = clauses.values().all(|v| v == true);
+        assert!(item["outcome"] != "packed" || all, "{item}");
+    }
+}
+
+#[test]
+fn with_true_poses_nearly_everything_is_packed() {
+    let mut packed = 0;
+    let mut requested = 0;
+    for seed in ["1", "2"] {
+        let (result, _) = pack(&["--seed", seed, "--estimator", "truth", "--renderer", "cpu"]);
+        assert_eq!(result["estimator"], "truth", "a ceiling is marked as one");
+        packed += result["packed"].as_u64().unwrap();
+        requested += result["requested"].as_u64().unwrap();
+    }
+    assert_eq!(requested, 10);
+    assert!(packed >= 8, "{packed} of {requested}");
+}
+
+#[test]
+fn scenes_of_the_project_are_valid() {
+    for entry in std::fs::read_dir(root().join("scenes")).unwrap() {
+        let path = entry.unwrap().path();
+        let text = std::fs::read_to_string(&path).unwrap_or_default();
+        if text.contains("schema = \"grip.scene/1\"") {
+            grip_sim::scene::Scene::load(&path).unwrap();
+        }
+    }
+}
