@@ -104,9 +104,9 @@ impl Mesh {
         let mut sum = [0.0; 3];
         for (i, &a) in face.iter().enumerate() {
             let (p, q) = (self.points[a], self.points[face[(i + 1) % face.len()]]);
-            for axis in 0..3 {
+            for (axis, total) in sum.iter_mut().enumerate() {
                 let (u, v) = ((axis + 1) % 3, (axis + 2) % 3);
-                sum[axis] += (p[u] - q[u]) * (p[v] + q[v]);
+                *total += (p[u] - q[u]) * (p[v] + q[v]);
             }
         }
         sum

@@ -94,6 +94,16 @@ impl<'a, 'input> Reader<'a, 'input> {
                 "nodes are nested more than {MAX_DEPTH} deep, more than {MAX_NODES}, or in a circle"
             ));
         }
+        // Cameras and lamps, which some exporters place by transformations that meshes never have.
+        let draws = |n: Node<'_, '_>| {
+            matches!(
+                n.tag_name().name(),
+                "instance_geometry" | "instance_node" | "instance_controller"
+            )
+        };
+        if !node.descendants().any(draws) {
+            return Ok(());
+        }
         let mut transform = *parent;
         for child in node.children().filter(Node::is_element) {
             if let Some(step) = transformation(child)? {
@@ -169,7 +179,7 @@ impl<'a, 'input> Reader<'a, 'input> {
             .map(|p| indices(p.text().unwrap_or("")))
             .collect::<Result<_>>()?;
         let corners = |list: &'_ [usize]| -> Result<()> {
-            if list.len() % stride == 0 {
+            if list.len().is_multiple_of(stride) {
                 Ok(())
             } else {
                 Err(format!(
@@ -183,7 +193,7 @@ impl<'a, 'input> Reader<'a, 'input> {
             let corner: Vec<&[usize]> = list.chunks_exact(stride).collect();
             match primitive.tag_name().name() {
                 "triangles" => {
-                    if corner.len() % 3 != 0 {
+                    if !corner.len().is_multiple_of(3) {
                         return Err(format!("{} corners are no multiple of 3", corner.len()));
                     }
                     faces.extend(corner.chunks_exact(3).map(<[_]>::to_vec));

@@ -26,7 +26,8 @@ pub struct IkRequest<'a> {
     pub target: Isometry3<f64>,
     /// The joints that may move, indices into `q`. Those that do not move the link are left alone.
     pub joints: &'a [usize],
-    /// A whole configuration to start from; joints not in `joints` keep its values.
+    /// A whole configuration to start from; joints not in `joints` keep its values, the others are first brought
+    /// within their limits.
     pub seed: &'a [f64],
     /// Largest distance from the target that counts as reached, metres.
     pub position_tol: f64,
@@ -56,7 +57,7 @@ struct Column {
     joint: usize,
     lower: f64,
     upper: f64,
-    /// Middle of the range; NaN-free: continuous joints have weight 0.
+    /// Middle of the range, where the null-space pull leads; 0 for continuous joints, which are not pulled.
     middle: f64,
     centering: f64,
     /// Velocity of the link per unit of this joint: linear, angular.
@@ -70,7 +71,7 @@ impl RobotModel {
     /// [`RobotModel::ik`], but only a solution: the whole configuration, or `None`.
     ///
     /// # Panics
-    /// When the seed does not have one value a movable joint.
+    /// When the seed does not have one value a movable joint, or `link` or `joints` are no indices of this robot.
     pub fn solve_ik(&self, request: IkRequest<'_>) -> Option<Vec<f64>> {
         let outcome = self.ik(request);
         outcome.converged.then_some(outcome.q)
@@ -80,7 +81,7 @@ impl RobotModel {
     /// local minimum, and the outcome then says how far it is. Deterministic.
     ///
     /// # Panics
-    /// When the seed does not have one value a movable joint.
+    /// When the seed does not have one value a movable joint, or `link` or `joints` are no indices of this robot.
     pub fn ik(&self, request: IkRequest<'_>) -> IkOutcome {
         self.check_length(request.seed);
         let mut q = request.seed.to_vec();

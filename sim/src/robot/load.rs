@@ -8,7 +8,7 @@ use nalgebra::{Isometry3, Matrix3, Point3, Translation3, Unit, UnitQuaternion, V
 use urdf_rs::{Geometry, JointType};
 
 use super::kinematics::{Drive, Motion, Step};
-use super::resolve::Resolver;
+use super::resolve::{ROS_PACKAGE_PATH, Resolver};
 use super::{
     Joint, JointKind, JointLimits, Link, LinkVisual, LoadSummary, ParentJoint, RobotModel, hull,
     list, mesh_files, primitives,
@@ -38,7 +38,7 @@ pub(super) fn load(urdf: &Path, package_paths: &[PathBuf]) -> Result<RobotModel>
     let tree = Tree::of(&description).map_err(|message| Error::invalid(urdf, message))?;
     let mut loader = Loader {
         urdf,
-        resolver: Resolver::new(urdf, package_paths),
+        resolver: Resolver::new(urdf, package_paths, std::env::var_os(ROS_PACKAGE_PATH)),
         materials: named_materials(&description),
         parts: HashMap::new(),
         summary: LoadSummary::default(),

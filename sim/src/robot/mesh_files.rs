@@ -89,7 +89,7 @@ fn finish(mesh: &mut Mesh, scale: &Vector3<f64>) -> Result<(), String> {
         facet_normals(mesh);
     }
     // A normal of length zero or NaN gives way to that of its facet.
-    if mesh.normals.iter().any(|n| !(n.norm() > 1e-6)) {
+    if mesh.normals.iter().any(is_missing) {
         facet_normals(mesh);
     }
     for normal in &mut mesh.normals {
@@ -98,9 +98,14 @@ fn finish(mesh: &mut Mesh, scale: &Vector3<f64>) -> Result<(), String> {
     Ok(())
 }
 
+/// Whether a normal has no direction, or is not a number.
+fn is_missing(normal: &Vector3<f32>) -> bool {
+    !normal.norm().is_normal() || normal.norm() < 1e-6
+}
+
 /// Fills in missing normals with the area-weighted mean of the facets around.
 fn facet_normals(mesh: &mut Mesh) {
-    let missing: Vec<bool> = mesh.normals.iter().map(|n| !(n.norm() > 1e-6)).collect();
+    let missing: Vec<bool> = mesh.normals.iter().map(is_missing).collect();
     for (normal, &missing) in mesh.normals.iter_mut().zip(&missing) {
         if missing {
             *normal = Vector3::zeros();

@@ -1,9 +1,10 @@
 //! Where a mesh named in a URDF lies on disk.
 
+use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 
 /// Environment variable searched when no package paths are given, as ROS does.
-const ROS_PACKAGE_PATH: &str = "ROS_PACKAGE_PATH";
+pub(super) const ROS_PACKAGE_PATH: &str = "ROS_PACKAGE_PATH";
 
 /// Turns `package://`, `file://` and relative names into paths.
 pub(super) struct Resolver {
@@ -12,9 +13,10 @@ pub(super) struct Resolver {
 }
 
 impl Resolver {
-    pub fn new(urdf: &Path, package_paths: &[PathBuf]) -> Self {
+    /// `environment` is the value of [`ROS_PACKAGE_PATH`], used when `package_paths` is empty.
+    pub fn new(urdf: &Path, package_paths: &[PathBuf], environment: Option<OsString>) -> Self {
         let package_paths = if package_paths.is_empty() {
-            std::env::var_os(ROS_PACKAGE_PATH)
+            environment
                 .map(|paths| std::env::split_paths(&paths).collect())
                 .unwrap_or_default()
         } else {
@@ -102,4 +104,25 @@ fn is_package(folder: &Path, package: &str) -> bool {
         .split_once("<name>")
         .and_then(|(_, rest)| rest.split_once("</name>"))
         .is_some_and(|(name, _)| name.trim() == package)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_environment_is_searched_only_when_no_paths_are_given() {
+        let folder = tempfile::tempdir().unwrap();
+        let package = folder.path().join("arm_description");
+        std::fs::create_dir(&package).unwrap();
+        let environment = std::env::join_paths(["/nowhere".into(), folder.path().to_path_buf()]);
+        let environment = environment.ok();
+        let urdf = Path::new("arm.urdf");
+        let name = "package://arm_description/meshes/a.stl";
+        let found = Resolver::new(urdf, &[], environment.clone()).resolve(name);
+        assert_eq!(found, Ok(package.join("meshes/a.stl")));
+        let given = [PathBuf::from("/elsewhere")];
+        let error = Resolver::new(urdf, &given, environment).resolve(name);
+        assert!(error.unwrap_err().contains("searched /elsewhere"));
+    }
 }

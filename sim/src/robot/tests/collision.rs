@@ -20,8 +20,8 @@ fn to_parry(pose: &Isometry3<f64>) -> Pose {
     )
 }
 
-/// A shape and its pose in the link; parry's cylinder stands along y.
-fn shape(geometry: &Convex) -> (Isometry3<f64>, Box<dyn Shape>) {
+/// The shape that parry has for ours; its cylinder stands along y.
+fn shape(geometry: &Convex) -> Placed {
     let upright = Isometry3::rotation(nalgebra::Vector3::x() * std::f64::consts::FRAC_PI_2);
     match geometry {
         Convex::Cuboid { half } => {
@@ -52,7 +52,11 @@ fn shape(geometry: &Convex) -> (Isometry3<f64>, Box<dyn Shape>) {
     }
 }
 
-struct Geometry(Vec<Vec<(Isometry3<f64>, Box<dyn Shape>)>>);
+/// A shape and its pose in the link.
+type Placed = (Isometry3<f64>, Box<dyn Shape>);
+
+/// The shapes of every link.
+struct Geometry(Vec<Vec<Placed>>);
 
 impl Geometry {
     fn of(robot: &RobotModel) -> Self {

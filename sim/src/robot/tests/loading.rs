@@ -64,6 +64,7 @@ const DAE: &str = r##"<?xml version="1.0"?>
       <vcount>4</vcount><p>0 0 1 0 2 0 3 0</p></polylist>
   </mesh></geometry></library_geometries>
   <library_visual_scenes><visual_scene id="s">
+    <node><lookat>0 0 9 0 0 0 0 1 0</lookat><instance_camera url="#c"/></node>
     <node><instance_geometry url="#g"><bind_material><technique_common>
       <instance_material symbol="m" target="#red"/></technique_common></bind_material></instance_geometry></node>
     <node><translate>0 0 50</translate><rotate>1 0 0 90</rotate>
@@ -107,7 +108,7 @@ impl Package {
     }
 
     fn load(&self, body: &str) -> Result<RobotModel> {
-        self.load_with(body, &[self.root.clone()])
+        self.load_with(body, std::slice::from_ref(&self.root))
     }
 
     fn error(&self, body: &str) -> String {
@@ -470,4 +471,34 @@ fn adjacent_pairs_see_through_fixed_joints() {
         (3, 4),
     ];
     assert_eq!(robot.adjacent_pairs(), expected);
+}
+
+#[test]
+fn habits_of_the_makers_urdf_are_understood() {
+    // A dummy root with an <origin>, nameless materials, an axis on a fixed joint, no bounds on continuous joints.
+    let body = r#"
+      <joint name="dummy_joint" type="fixed"><origin rpy="0 0 0" xyz="0 0 0"/>
+        <parent link="dummy_link"/><child link="base_link"/><axis xyz="0 1 0"/></joint>
+      <link name="dummy_link"><origin rpy="0 0 0" xyz="0 0 0"/></link>
+      <link name="base_link"><visual><origin rpy="0 0 0" xyz="0 0 0"/>
+        <geometry><mesh filename="package://tiny_description/meshes/binary.STL"/></geometry>
+        <material name=""><color rgba="0.356 0.361 0.376 1"/></material></visual></link>
+      <link name="wheel"><visual><geometry><sphere radius="0.1"/></geometry>
+        <material name=""><color rgba="0.086 0.506 0.767 1"/></material></visual></link>
+      <joint name="wheel_joint" type="continuous"><origin rpy="-6.123E-17 0 0" xyz="0.0012914 -0.18738 0.055325"/>
+        <parent link="base_link"/><child link="wheel"/><axis xyz="0 1 0"/>
+      <limit effort="8.85" velocity="17.4"/></joint>"#;
+    let robot = Package::new().load(body).unwrap();
+    assert_eq!(robot.links()[0].name, "dummy_link");
+    let color = |link: usize| robot.links()[link].visuals[0].visual.material.base_color;
+    assert_eq!(
+        (color(1), color(2)),
+        ([0.356, 0.361, 0.376], [0.086, 0.506, 0.767])
+    );
+    let limits = robot.joints()[0].limits;
+    assert_eq!(
+        (limits.lower, limits.upper),
+        (f64::NEG_INFINITY, f64::INFINITY)
+    );
+    assert_eq!((limits.velocity, limits.effort), (17.4, 8.85));
 }
