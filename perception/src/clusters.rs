@@ -15,7 +15,7 @@ use crate::plane::{PlaneSettings, fit_support_plane};
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct ClusterSettings {
-    /// Only points in here belong to clusters; `None` takes all that is above the plane.
+    /// Only points in here belong to clusters; `None` takes all that is over the support.
     pub workspace: Option<Workspace>,
     /// How the support plane is found.
     pub plane: PlaneSettings,
@@ -73,14 +73,14 @@ impl Clusters {
     /// Depth of the pixels that may be an object's, 0 elsewhere.
     fn foreground(&self, frame: &CameraFrame) -> Vec<f32> {
         let s = &self.settings;
-        let plane = fit_support_plane(frame, &s.plane, s.workspace.as_ref());
+        let support = fit_support_plane(frame, &s.plane, s.workspace.as_ref());
         let (k, depth) = (&frame.intrinsics, &frame.depth);
         let mut out = depth.data().to_vec();
         for (i, z) in out.iter_mut().enumerate() {
             let p = k.back_project((i % k.width) as f64, (i / k.width) as f64, f64::from(*z));
             let keep = is_reading(*z)
-                && plane.is_none_or(|plane| {
-                    (s.min_height_m..s.max_height_m).contains(&plane.height(&p))
+                && support.as_ref().is_none_or(|support| {
+                    (s.min_height_m..s.max_height_m).contains(&support.plane.height(&p)) && support.holds(&p)
                 })
                 && s.workspace
                     .is_none_or(|w| w.contains(&frame.world_from_camera.transform_point(&p)));

@@ -7,6 +7,7 @@ use rand::RngExt;
 use serde::{Deserialize, Serialize};
 
 use crate::detector::{Workspace, is_reading};
+use crate::footprint::Footprint;
 
 /// A plane in the camera's optical frame, its normal pointing up: the side on which objects stand.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -21,6 +22,25 @@ impl Plane {
     /// Height of a point over the plane, metres; negative below.
     pub fn height(&self, point: &Point3<f64>) -> f64 {
         self.normal.dot(&point.coords) + self.offset
+    }
+}
+
+/// A support: a plane and how far it was seen to reach.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Support {
+    /// The plane, in the optical frame.
+    pub plane: Plane,
+    /// The outline of its visible surface.
+    pub footprint: Footprint,
+}
+
+/// What is beyond the outline of the support by more than this does not stand on it, metres: objects may overhang.
+pub(crate) const OVERHANG: f64 = 0.04;
+
+impl Support {
+    /// Whether a point is over the support or little beside it, at any height.
+    pub fn holds(&self, point: &Point3<f64>) -> bool {
+        self.footprint.covers(point, OVERHANG)
     }
 }
 
@@ -61,14 +81,15 @@ const HIGHER_SHARE: f64 = 0.35;
 /// Rounds of the least-squares refinement.
 const REFINEMENTS: usize = 4;
 
-/// Fits the plane that objects stand on; `None` when no plane has enough points. With a workspace only points within its
+/// Finds the surface that objects stand on; `None` when no plane has enough points. With a workspace only points within its
 /// x and y range count. The draws come from a fixed stream: the same frame gives the same plane.
 pub fn fit_support_plane(
     frame: &CameraFrame,
     settings: &PlaneSettings,
     workspace: Option<&Workspace>,
-) -> Option<Plane> {
+) -> Option<Support> {
     let mut points = sample_points(frame, workspace);
+    let all = points.clone();
     let enough = ((points.len() as f64 * settings.min_share) as usize).max(30);
     let up = settings
         .max_tilt_rad
@@ -97,7 +118,10 @@ pub fn fit_support_plane(
         // Everything near it goes, or its noisy rim would be found again.
         points.retain(|p| plane.height(p).abs() > 3.0 * settings.inlier_m);
     }
-    best.map(|(plane, _)| plane)
+    let (plane, _) = best?;
+    let close = all.into_iter().filter(|p| plane.height(p).abs() < settings.inlier_m);
+    let footprint = Footprint::new(&plane.normal, close)?;
+    Some(Support { plane, footprint })
 }
 
 fn sample_points(frame: &CameraFrame, workspace: Option<&Workspace>) -> Vec<Point3<f64>> {
@@ -246,7 +270,7 @@ mod tests {
                 max_tilt_rad: seen,
                 ..Default::default()
             };
-            let plane = fit_support_plane(&frame, &settings, None).unwrap();
+            let plane = fit_support_plane(&frame, &settings, None).unwrap().plane;
             assert!((plane.offset - 0.5).abs() < 0.001, "{plane:?}");
             let up = frame.world_from_camera.transform_vector(&plane.normal);
             assert!(up.z > 0.5f64.to_radians().cos(), "{up:?}");
@@ -256,7 +280,7 @@ mod tests {
     #[test]
     fn prefers_the_table_to_a_larger_floor() {
         let frame = frame(0.75, 0.5, 0.004);
-        let plane = fit_support_plane(&frame, &PlaneSettings::default(), None).unwrap();
+        let plane = fit_support_plane(&frame, &PlaneSettings::default(), None).unwrap().plane;
         assert!((plane.offset - 0.5).abs() < 0.002, "{plane:?}");
     }
 

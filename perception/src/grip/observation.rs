@@ -8,7 +8,7 @@ use nalgebra::Point3;
 use super::lanes::LANES;
 use super::settings::GripSettings;
 use crate::detector::is_reading;
-use crate::plane::{Plane, fit_support_plane};
+use crate::plane::{Plane, Support, fit_support_plane};
 
 /// The strides that are prepared.
 pub(crate) const STRIDES: [usize; 3] = [1, 2, 4];
@@ -38,7 +38,7 @@ pub(crate) struct Level {
     pub w: Vec<f32>,
     /// Tolerance of inverse depth for the distance epsilon: `|w' - w| < tol w`; 1 where there is no reading.
     pub tol: Vec<f32>,
-    /// 0 for points on the support plane or outside the workspace, 1 for points well above it.
+    /// 0 for points on the support plane, beside it or outside the workspace, 1 for points well above it.
     pub weight: Vec<f32>,
     /// `exp(-d^2 / 2 sigma^2)`, d the distance to the nearest near-side depth edge.
     pub edge: Vec<f32>,
@@ -63,18 +63,18 @@ pub(crate) struct Observation {
 impl Observation {
     /// Prepares a frame.
     pub fn new(frame: &CameraFrame, settings: &GripSettings) -> Self {
-        let plane = settings
+        let support = settings
             .plane
             .as_ref()
             .and_then(|p| fit_support_plane(frame, p, settings.workspace.as_ref()));
         let edges = near_edges(frame, settings.edge_jump_m as f32);
         let levels = STRIDES
             .iter()
-            .map(|&stride| level(frame, stride, plane.as_ref(), &edges, settings))
+            .map(|&stride| level(frame, stride, support.as_ref(), &edges, settings))
             .collect();
         Self {
             levels,
-            plane,
+            plane: support.map(|s| s.plane),
             intrinsics: frame.intrinsics,
         }
     }
@@ -119,7 +119,7 @@ impl Observation {
 fn level(
     frame: &CameraFrame,
     stride: usize,
-    plane: Option<&Plane>,
+    support: Option<&Support>,
     edges: &[bool],
     settings: &GripSettings,
 ) -> Level {
@@ -145,7 +145,8 @@ fn level(
     };
     let epsilon = settings.epsilon_m as f32;
     // Height over the plane of the point with ray (x, y, 1) and inverse depth w is (n . ray + w offset) / w.
-    let (n, offset) = plane.map_or(([0.0; 3], 0.0), |p| {
+    let (n, offset) = support.map_or(([0.0; 3], 0.0), |s| {
+        let p = &s.plane;
         (
             [p.normal.x as f32, p.normal.y as f32, p.normal.z as f32],
             p.offset as f32,
@@ -167,15 +168,19 @@ fn level(
             level.tol[i] = epsilon * w / (x * x + y * y + 1.0).sqrt();
             let z = 1.0 / w;
             let mut weight = 1.0;
-            if plane.is_some() {
+            let p = || Point3::new(x * z, y * z, z).cast();
+            if let Some(support) = support {
                 let above = (n[0] * x + n[1] * y + n[2]) * z + offset;
                 weight = (above / band - 0.4).clamp(0.0, 1.0);
-            }
-            if let Some(workspace) = settings.workspace.as_ref() {
-                let p = Point3::new(x * z, y * z, z).cast();
-                if !workspace.contains(&frame.world_from_camera.transform_point(&p)) {
+                if weight > 0.0 && !support.holds(&p()) {
                     weight = 0.0;
                 }
+            }
+            if let Some(workspace) = settings.workspace.as_ref()
+                && weight > 0.0
+                && !workspace.contains(&frame.world_from_camera.transform_point(&p()))
+            {
+                weight = 0.0;
             }
             level.weight[i] = weight;
         }

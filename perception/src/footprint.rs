@@ -1,0 +1,129 @@
+//! Where on a plane its surface was seen: the outline of the table top, so that what stands behind the table is not taken
+//! for something on it.
+
+use nalgebra::{Point2, Point3, Unit, Vector2, Vector3};
+
+/// Side of the cells in which the surface is counted, metres: wider than the gaps between sampled points at 1.5 m.
+const CELL: f64 = 0.03;
+/// Points that make a cell part of the surface.
+const CELL_POINTS: u32 = 2;
+/// Cells along each side of the grid: points farther than 3 m from the first one are left out.
+const CELLS: i64 = 200;
+
+/// The convex hull of the largest connected piece of a plane's visible surface.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Footprint {
+    /// In-plane axes.
+    axes: [Vector3<f64>; 2],
+    /// Corners, counter-clockwise in the axes' coordinates, metres.
+    corners: Vec<Point2<f64>>,
+}
+
+impl Footprint {
+    /// From points on the plane with this normal; `None` when they cover no area.
+    pub(crate) fn new(normal: &Unit<Vector3<f64>>, points: impl Iterator<Item = Point3<f64>>) -> Option<Self> {
+        let side = if normal.x.abs() < 0.6 { Vector3::x() } else { Vector3::y() };
+        let first = normal.cross(&side).normalize();
+        let axes = [first, normal.cross(&first)];
+        let flat: Vec<Point2<f64>> = points.map(|p| flatten(&axes, &p)).collect();
+        let origin = flat.first()?;
+        let mut counts = vec![0u32; (CELLS * CELLS) as usize];
+        let cell = |p: &Point2<f64>| {
+            let [x, y] = [0, 1].map(|i| ((p[i] - origin[i]) / CELL).floor() as i64 + CELLS / 2);
+            ((0..CELLS).contains(&x) && (0..CELLS).contains(&y)).then_some((y * CELLS + x) as usize)
+        };
+        for c in flat.iter().filter_map(cell) {
+            counts[c] += 1;
+        }
+        let piece = largest_piece(&counts);
+        let inside: Vec<Point2<f64>> = flat.iter().filter(|p| cell(p).is_some_and(|c| piece[c])).copied().collect();
+        let corners = convex_hull(inside);
+        (corners.len() >= 3).then_some(Self { axes, corners })
+    }
+
+    /// Whether a point is over the surface, or within `margin` metres beside it.
+    pub fn covers(&self, point: &Point3<f64>, margin: f64) -> bool {
+        let p = flatten(&self.axes, point);
+        let n = self.corners.len();
+        (0..n).all(|i| {
+            let (a, b) = (self.corners[i], self.corners[(i + 1) % n]);
+            let edge: Vector2<f64> = b - a;
+            // Positive on the inner side.
+            edge.perp(&(p - a)) >= -margin * edge.norm()
+        })
+    }
+}
+
+fn flatten(axes: &[Vector3<f64>; 2], p: &Point3<f64>) -> Point2<f64> {
+    Point2::new(axes[0].dot(&p.coords), axes[1].dot(&p.coords))
+}
+
+/// Marks the largest set of filled cells that touch, corners included.
+fn largest_piece(counts: &[u32]) -> Vec<bool> {
+    let filled = |c: usize| counts[c] >= CELL_POINTS;
+    let mut label = vec![0u32; counts.len()];
+    let (mut best, mut best_size, mut next) = (0, 0, 0);
+    for start in 0..counts.len() {
+        if !filled(start) || label[start] != 0 {
+            continue;
+        }
+        next += 1;
+        let (mut size, mut stack) = (0, vec![start]);
+        label[start] = next;
+        while let Some(c) = stack.pop() {
+            size += 1;
+            let (x, y) = (c as i64 % CELLS, c as i64 / CELLS);
+            for (nx, ny) in (y - 1..=y + 1).flat_map(|ny| (x - 1..=x + 1).map(move |nx| (nx, ny))) {
+                if (0..CELLS).contains(&nx) && (0..CELLS).contains(&ny) {
+                    let n = (ny * CELLS + nx) as usize;
+                    if filled(n) && label[n] == 0 {
+                        label[n] = next;
+                        stack.push(n);
+                    }
+                }
+            }
+        }
+        if size > best_size {
+            (best, best_size) = (next, size);
+        }
+    }
+    label.into_iter().map(|l| l == best && best != 0).collect()
+}
+
+/// Andrew's monotone chain; counter-clockwise.
+fn convex_hull(mut points: Vec<Point2<f64>>) -> Vec<Point2<f64>> {
+    points.sort_by(|a, b| a.x.total_cmp(&b.x).then(a.y.total_cmp(&b.y)));
+    let chain = |points: &mut dyn Iterator<Item = &Point2<f64>>| {
+        let mut hull: Vec<Point2<f64>> = Vec::new();
+        for p in points {
+            while let [.., a, b] = hull[..]
+                && (b - a).perp(&(p - b)) <= 0.0
+            {
+                hull.pop();
+            }
+            hull.push(*p);
+        }
+        hull.pop();
+        hull
+    };
+    let mut hull = chain(&mut points.iter());
+    hull.extend(chain(&mut points.iter().rev()));
+    hull
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn covers_the_larger_of_two_pieces_and_its_margin() {
+        let grid = |x0: f64, n: usize| (0..n * n).map(move |i| Point3::new(x0 + 0.01 * (i % n) as f64, 0.01 * (i / n) as f64, 1.0));
+        let points = grid(0.0, 60).chain(grid(1.0, 20));
+        let footprint = Footprint::new(&Vector3::z_axis(), points).unwrap();
+        let covers = |x: f64, y: f64, margin: f64| footprint.covers(&Point3::new(x, y, 0.7), margin);
+        assert!(covers(0.3, 0.3, 0.0) && covers(0.01, 0.58, 0.0));
+        assert!(!covers(1.1, 0.1, 0.0) && !covers(0.62, 0.3, 0.0) && !covers(0.3, -0.02, 0.0));
+        assert!(covers(0.62, 0.3, 0.04) && covers(0.3, -0.02, 0.03));
+        assert!(Footprint::new(&Vector3::z_axis(), grid(0.0, 1)).is_none());
+    }
+}
