@@ -1,1 +1,5 @@
-//! stub
+//! Manipulation.
+pub mod rrt;
+pub mod smooth;
+pub mod space;
+pub mod timing;
