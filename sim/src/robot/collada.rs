@@ -17,6 +17,8 @@ use crate::mesh::{Material, Mesh};
 
 /// Deepest nesting of nodes; deeper files are taken for a cycle.
 const MAX_DEPTH: usize = 64;
+/// Most nodes that are drawn: a circle of nodes that name themselves twice would grow without end before it is deep.
+const MAX_NODES: usize = 100_000;
 
 type Result<T> = std::result::Result<T, String>;
 
@@ -32,6 +34,7 @@ pub(super) fn load(bytes: &[u8], folder: Option<&Path>) -> Result<Vec<Part>> {
         by_id: HashMap::new(),
         folder,
         parts: Vec::new(),
+        nodes: 0,
     };
     for node in document.descendants().filter(Node::is_element) {
         if let Some(id) = node.attribute("id") {
@@ -68,6 +71,7 @@ struct Reader<'a, 'input> {
     by_id: HashMap<&'a str, Node<'a, 'input>>,
     folder: Option<&'a Path>,
     parts: Vec<Part>,
+    nodes: usize,
 }
 
 impl<'a, 'input> Reader<'a, 'input> {
@@ -84,8 +88,11 @@ impl<'a, 'input> Reader<'a, 'input> {
     }
 
     fn node(&mut self, node: Node<'a, 'input>, parent: &Matrix4<f64>, depth: usize) -> Result<()> {
-        if depth > MAX_DEPTH {
-            return Err(format!("nodes are nested more than {MAX_DEPTH} deep, or in a circle"));
+        self.nodes += 1;
+        if depth > MAX_DEPTH || self.nodes > MAX_NODES {
+            return Err(format!(
+                "nodes are nested more than {MAX_DEPTH} deep, more than {MAX_NODES}, or in a circle"
+            ));
         }
         let mut transform = *parent;
         for child in node.children().filter(Node::is_element) {
@@ -134,7 +141,10 @@ impl<'a, 'input> Reader<'a, 'input> {
         for mesh in children(geometry, "mesh") {
             for primitive in mesh.children().filter(Node::is_element) {
                 let tag = primitive.tag_name().name();
-                if !matches!(tag, "triangles" | "polylist" | "polygons" | "trifans" | "tristrips") {
+                if !matches!(
+                    tag,
+                    "triangles" | "polylist" | "polygons" | "trifans" | "tristrips"
+                ) {
                     continue;
                 }
                 let mesh = self
@@ -162,7 +172,10 @@ impl<'a, 'input> Reader<'a, 'input> {
             if list.len() % stride == 0 {
                 Ok(())
             } else {
-                Err(format!("{} indices are no multiple of {stride}", list.len()))
+                Err(format!(
+                    "{} indices are no multiple of {stride}",
+                    list.len()
+                ))
             }
         };
         for list in &lists {
@@ -227,7 +240,8 @@ impl<'a, 'input> Reader<'a, 'input> {
                     }
                     if let Some(color) = &inputs.color {
                         let rgb = color.get(corner)?;
-                        mesh.colors.push(rgb.map(|c| (c.clamp(0.0, 1.0) * 255.0).round() as u8));
+                        mesh.colors
+                            .push(rgb.map(|c| (c.clamp(0.0, 1.0) * 255.0).round() as u8));
                     }
                 }
                 mesh.triangles.push([first, first + 1, first + 2]);
@@ -378,7 +392,10 @@ impl Input {
             .checked_mul(self.stride)
             .and_then(|at| at.checked_add(self.start));
         first
-            .and_then(|first| self.values.get(first..first.checked_add(self.stride.min(3))?))
+            .and_then(|first| {
+                self.values
+                    .get(first..first.checked_add(self.stride.min(3))?)
+            })
             .map(|values| {
                 let mut result = [0.0; 3];
                 result[..values.len()].copy_from_slice(values);
@@ -442,7 +459,8 @@ fn children<'a, 'input: 'a>(
     node: Node<'a, 'input>,
     name: &'a str,
 ) -> impl Iterator<Item = Node<'a, 'input>> {
-    node.children().filter(move |child| child.has_tag_name_local(name))
+    node.children()
+        .filter(move |child| child.has_tag_name_local(name))
 }
 
 fn find<'a, 'input>(node: Node<'a, 'input>, path: &[&str]) -> Option<Node<'a, 'input>> {

@@ -240,7 +240,9 @@ fn check(file: File, robot: &RobotModel) -> std::result::Result<RobotConfig, Str
             .map(|name| joint(field, name))
             .collect::<std::result::Result<_, _>>()?;
         if joints.is_empty() || joints.iter().collect::<BTreeSet<_>>().len() < joints.len() {
-            return Err(format!("{field}: must name at least one joint, and none twice"));
+            return Err(format!(
+                "{field}: must name at least one joint, and none twice"
+            ));
         }
         Ok(joints)
     };
@@ -260,7 +262,11 @@ fn check(file: File, robot: &RobotModel) -> std::result::Result<RobotConfig, Str
             return Err(format!("camera.intrinsics.{name}: {problem}"));
         }
     }
-    if !file.camera.intrinsics.contains_key(&file.camera.default_intrinsics) {
+    if !file
+        .camera
+        .intrinsics
+        .contains_key(&file.camera.default_intrinsics)
+    {
         return Err(format!(
             "camera.default_intrinsics: no camera.intrinsics.{}; there are {}",
             file.camera.default_intrinsics,
@@ -398,13 +404,21 @@ fn gripper(
         ("max_force", file.max_force),
     ]
     .into_iter()
-    .chain(file.pad_half_extents.map(|extent| ("pad_half_extents", extent)));
+    .chain(
+        file.pad_half_extents
+            .map(|extent| ("pad_half_extents", extent)),
+    );
     for (field, value) in positive {
         if !(value > 0.0 && value.is_finite()) {
             return Err(format!("gripper.{field}: {value} must be above 0"));
         }
     }
-    if file.pad_centers.iter().flatten().any(|value| !value.is_finite()) {
+    if file
+        .pad_centers
+        .iter()
+        .flatten()
+        .any(|value| !value.is_finite())
+    {
         return Err(format!(
             "gripper.pad_centers: {:?} must be finite",
             file.pad_centers

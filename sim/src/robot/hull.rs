@@ -12,14 +12,12 @@ const MIN_THICKNESS: f64 = 1e-5;
 /// The convex hull of `points` by at most [`MAX_POINTS`] of them.
 pub(super) fn convex_hull(points: &[Point3<f32>]) -> Result<Vec<Point3<f64>>, String> {
     let flat = "is flat or a single point: a collision mesh must enclose a volume".to_string();
-    let input: Vec<Vector> = points
-        .iter()
-        .map(|p| Vector::new(p.x, p.y, p.z))
-        .collect();
+    let input: Vec<Vector> = points.iter().map(|p| Vector::new(p.x, p.y, p.z)).collect();
     if thickness(points) < MIN_THICKNESS {
         return Err(flat);
     }
-    let (hull, _) = try_convex_hull(&input).map_err(|error| format!("has no convex hull: {error}"))?;
+    let (hull, _) =
+        try_convex_hull(&input).map_err(|error| format!("has no convex hull: {error}"))?;
     let hull: Vec<Point3<f64>> = hull
         .iter()
         .map(|p| Point3::new(f64::from(p.x), f64::from(p.y), f64::from(p.z)))
@@ -90,7 +88,11 @@ mod tests {
             .map(|d| Point3::from((0.3 * d).cast::<f32>()))
             .collect();
         let hull = convex_hull(&sphere).unwrap();
-        assert!(hull.len() <= MAX_POINTS && hull.len() > 50, "{}", hull.len());
+        assert!(
+            hull.len() <= MAX_POINTS && hull.len() > 50,
+            "{}",
+            hull.len()
+        );
         assert!(hull.iter().all(|p| (p.coords.norm() - 0.3).abs() < 1e-6));
     }
 

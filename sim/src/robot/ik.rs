@@ -265,7 +265,8 @@ fn step(columns: &mut [Column], error: &Vector6<f64>, q: &[f64], damping: f64) -
             }
             column.step = column.velocity.dot(&multipliers) + column.pull;
             let at = q[column.joint];
-            if (at <= column.lower && column.step < 0.0) || (at >= column.upper && column.step > 0.0)
+            if (at <= column.lower && column.step < 0.0)
+                || (at >= column.upper && column.step > 0.0)
             {
                 column.frozen = true;
                 column.step = 0.0;

@@ -37,7 +37,8 @@ impl RobotModel {
         let root = k::NodeBuilder::<f64>::new()
             .name(&self.links[0].name)
             .into_node();
-        let mut end = root;
+        // A node holds its parent weakly: all are kept until the chain owns them.
+        let mut nodes = vec![root];
         for index in self.chain(end_link) {
             let step = &self.steps[index];
             let name = self.links[index]
@@ -70,10 +71,10 @@ impl RobotModel {
                 .translation(origin.translation)
                 .rotation(origin.rotation)
                 .into_node();
-            node.set_parent(&end);
-            end = node;
+            node.set_parent(&nodes[nodes.len() - 1]);
+            nodes.push(node);
         }
-        Ok(k::SerialChain::from_end(&end))
+        Ok(k::SerialChain::from_end(&nodes[nodes.len() - 1]))
     }
 }
 

@@ -81,8 +81,14 @@ struct Tree {
 
 impl Tree {
     fn of(description: &urdf_rs::Robot) -> std::result::Result<Self, String> {
-        let links = by_name("link", description.links.iter().map(|link| link.name.as_str()))?;
-        by_name("joint", description.joints.iter().map(|joint| joint.name.as_str()))?;
+        let links = by_name(
+            "link",
+            description.links.iter().map(|link| link.name.as_str()),
+        )?;
+        by_name(
+            "joint",
+            description.joints.iter().map(|joint| joint.name.as_str()),
+        )?;
         let mut joint_above: Vec<Option<usize>> = vec![None; links.len()];
         let mut joints_below: Vec<Vec<usize>> = vec![Vec::new(); links.len()];
         for (index, joint) in description.joints.iter().enumerate() {
@@ -284,9 +290,12 @@ fn limits(
     limit: &urdf_rs::JointLimit,
     kind: JointKind,
 ) -> std::result::Result<JointLimits, String> {
-    let [lower, upper, velocity, effort] =
-        [limit.lower, limit.upper, limit.velocity, limit.effort];
-    if ![lower, upper, velocity, effort].iter().all(|v| v.is_finite()) || velocity < 0.0 || effort < 0.0
+    let [lower, upper, velocity, effort] = [limit.lower, limit.upper, limit.velocity, limit.effort];
+    if ![lower, upper, velocity, effort]
+        .iter()
+        .all(|v| v.is_finite())
+        || velocity < 0.0
+        || effort < 0.0
     {
         return Err(format!(
             "limit lower {lower}, upper {upper}, velocity {velocity}, effort {effort}: must be finite, the last two not negative"
@@ -486,7 +495,9 @@ impl Loader<'_> {
     ) -> std::result::Result<Parts, String> {
         let scale = scale.map_or([1.0; 3], |scale| **scale);
         if !scale.iter().all(|s| s.abs() > 1e-9 && s.abs() < 1e9) {
-            return Err(format!("mesh '{filename}': scale {scale:?} is zero or not finite"));
+            return Err(format!(
+                "mesh '{filename}': scale {scale:?} is zero or not finite"
+            ));
         }
         let path = self
             .resolver

@@ -53,8 +53,15 @@ fn read(path: &Path) -> Result<Vec<u8>, String> {
 /// Checks indices and numbers, applies the scale, and sees to it that every vertex has a unit normal.
 fn finish(mesh: &mut Mesh, scale: &Vector3<f64>) -> Result<(), String> {
     let count = mesh.positions.len();
-    if mesh.triangles.iter().flatten().any(|&i| i as usize >= count) {
-        return Err(format!("a triangle names a vertex beyond the {count} there are"));
+    if mesh
+        .triangles
+        .iter()
+        .flatten()
+        .any(|&i| i as usize >= count)
+    {
+        return Err(format!(
+            "a triangle names a vertex beyond the {count} there are"
+        ));
     }
     let scale32 = scale.cast::<f32>();
     for p in &mut mesh.positions {
@@ -151,9 +158,7 @@ fn obj(path: &Path) -> Result<Vec<Part>, String> {
         .into_iter()
         .map(|model| {
             let mesh = model.mesh;
-            let triples = |values: &[f32]| -> Vec<[f32; 3]> {
-                values.as_chunks::<3>().0.to_vec()
-            };
+            let triples = |values: &[f32]| -> Vec<[f32; 3]> { values.as_chunks::<3>().0.to_vec() };
             let material = mesh
                 .material_id
                 .and_then(|id| materials.get(id))
@@ -170,10 +175,22 @@ fn obj(path: &Path) -> Result<Vec<Part>, String> {
                 .transpose()?;
             Ok(Part {
                 mesh: Mesh {
-                    positions: triples(&mesh.positions).into_iter().map(Point3::from).collect(),
-                    normals: triples(&mesh.normals).into_iter().map(Vector3::from).collect(),
+                    positions: triples(&mesh.positions)
+                        .into_iter()
+                        .map(Point3::from)
+                        .collect(),
+                    normals: triples(&mesh.normals)
+                        .into_iter()
+                        .map(Vector3::from)
+                        .collect(),
                     // OBJ's v points up, ours down.
-                    uvs: mesh.texcoords.as_chunks::<2>().0.iter().map(|&[u, v]| [u, 1.0 - v]).collect(),
+                    uvs: mesh
+                        .texcoords
+                        .as_chunks::<2>()
+                        .0
+                        .iter()
+                        .map(|&[u, v]| [u, 1.0 - v])
+                        .collect(),
                     colors: Vec::new(),
                     triangles: mesh.indices.as_chunks::<3>().0.to_vec(),
                 },
@@ -185,9 +202,16 @@ fn obj(path: &Path) -> Result<Vec<Part>, String> {
 
 /// A texture beside the mesh file.
 pub(super) fn texture(name: &str, folder: Option<&Path>) -> Result<Arc<RgbImage>, String> {
-    let name = name.strip_prefix("file://").unwrap_or(name).replace('\\', "/");
+    let name = name
+        .strip_prefix("file://")
+        .unwrap_or(name)
+        .replace('\\', "/");
     let path = folder.unwrap_or(Path::new(".")).join(&name);
-    let image = image::open(&path)
-        .map_err(|error| format!("texture {}: {error}; PNG and JPEG are supported", path.display()))?;
+    let image = image::open(&path).map_err(|error| {
+        format!(
+            "texture {}: {error}; PNG and JPEG are supported",
+            path.display()
+        )
+    })?;
     Ok(Arc::new(image.to_rgb8()))
 }

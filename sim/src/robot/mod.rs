@@ -269,7 +269,12 @@ impl RobotModel {
         self.joints.iter().zip(q).find_map(|(joint, &value)| {
             let JointLimits { lower, upper, .. } = joint.limits;
             (!(lower - tolerance..=upper + tolerance).contains(&value) || !value.is_finite()).then(
-                || format!("{} = {value} is outside its limits {lower} to {upper}", joint.name),
+                || {
+                    format!(
+                        "{} = {value} is outside its limits {lower} to {upper}",
+                        joint.name
+                    )
+                },
             )
         })
     }

@@ -41,7 +41,8 @@ pub(super) fn cylinder_mesh(radius: f64, length: f64) -> Mesh {
     for i in 0..=SEGMENTS {
         let (sin, cos) = (TAU * i as f32 / SEGMENTS as f32).sin_cos();
         for z in [-half, half] {
-            mesh.positions.push(Point3::new(radius * cos, radius * sin, z));
+            mesh.positions
+                .push(Point3::new(radius * cos, radius * sin, z));
             mesh.normals.push(Vector3::new(cos, sin, 0.0));
         }
         if i < SEGMENTS {
@@ -60,7 +61,8 @@ pub(super) fn cylinder_mesh(radius: f64, length: f64) -> Mesh {
                 .push(Point3::new(radius * cos, sign * radius * sin, sign * half));
             mesh.normals.push(Vector3::new(0.0, 0.0, sign));
             if i < SEGMENTS {
-                mesh.triangles.push([centre, centre + 1 + i, centre + 2 + i]);
+                mesh.triangles
+                    .push([centre, centre + 1 + i, centre + 2 + i]);
             }
         }
     }
@@ -106,14 +108,22 @@ pub(super) fn capsule_mesh(radius: f64, length: f64) -> Mesh {
         mesh.positions
             .extend(sphere.positions.iter().map(|p| p + shift));
         mesh.normals.extend(sphere.normals);
-        mesh.triangles
-            .extend(sphere.triangles.iter().map(|t| t.map(|index| index + first)));
+        mesh.triangles.extend(
+            sphere
+                .triangles
+                .iter()
+                .map(|t| t.map(|index| index + first)),
+        );
     }
     mesh
 }
 
 /// The convex pieces of a capsule: the same union, exactly.
-pub(super) fn capsule_shapes(pose: &Isometry3<f64>, radius: f64, length: f64) -> Vec<CollisionShape> {
+pub(super) fn capsule_shapes(
+    pose: &Isometry3<f64>,
+    radius: f64,
+    length: f64,
+) -> Vec<CollisionShape> {
     let mut shapes = vec![CollisionShape {
         pose: *pose,
         geometry: Convex::Cylinder {
@@ -165,6 +175,9 @@ mod tests {
                 }
             }
         }
-        assert_eq!(capsule_mesh(0.1, 0.2).positions.len(), capsule_mesh(0.1, 0.2).normals.len());
+        assert_eq!(
+            capsule_mesh(0.1, 0.2).positions.len(),
+            capsule_mesh(0.1, 0.2).normals.len()
+        );
     }
 }

@@ -48,7 +48,9 @@ impl Resolver {
         }
         if let Some(path) = name.strip_prefix("file://") {
             // file://localhost/path is the same as file:///path.
-            return Ok(PathBuf::from(path.strip_prefix("localhost").unwrap_or(path)));
+            return Ok(PathBuf::from(
+                path.strip_prefix("localhost").unwrap_or(path),
+            ));
         }
         if let Some((scheme, _)) = name.split_once("://") {
             return Err(format!(
