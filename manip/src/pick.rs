@@ -169,8 +169,16 @@ impl Attempt<'_> {
                     continue;
                 }
             };
-            let mut searches = 0;
-            for place in places.iter().take(settings.tries[1]) {
+            let (mut reached_for, mut searches) = (0, 0);
+            for place in places.iter() {
+                // The hand alone first: cheap, and decides most cases.
+                if !self.hand_fits(&picked, place) {
+                    continue;
+                }
+                reached_for += 1;
+                if reached_for > settings.tries[1] {
+                    break;
+                }
                 let Some(placed) = self.place(&picked, place) else {
                     continue;
                 };
@@ -318,6 +326,32 @@ impl Attempt<'_> {
         })
     }
 
+    /// Where the gripper lets go at a place, base frame, and how wide it opens.
+    fn release(&self, picked: &Picked, place: &PlacePose) -> (Isometry3<f64>, f64) {
+        let settings = &self.planner.settings;
+        let mut world_from_object = *place.world_from_object.iso();
+        world_from_object.translation.vector.z += settings.place.release_height;
+        let base_from_gripper =
+            self.base_from_world * world_from_object * picked.grasp.object_from_gripper.iso();
+        let opening = (picked.grasp.width + settings.release).min(self.planner.config.gripper.opening);
+        (base_from_gripper, opening)
+    }
+
+    /// Whether the hand with the object, closed and open, is free at a place.
+    fn hand_fits(&self, picked: &Picked, place: &PlacePose) -> bool {
+        let (base_from_gripper, opening) = self.release(picked, place);
+        let holding = Query {
+            held: Some(&picked.held),
+            allowed: &[],
+            margins: self.planner.settings.near,
+        };
+        [opening, picked.grasp.width].into_iter().all(|opening| {
+            self.checker
+                .hand_collision(&base_from_gripper, opening, &holding)
+                .is_none()
+        })
+    }
+
     /// Reaches a place with a grasp, lowering to it and retreating from it.
     fn place(&mut self, picked: &Picked, place: &PlacePose) -> Option<Placed> {
         let planner = self.planner;
@@ -327,26 +361,12 @@ impl Attempt<'_> {
             PlanStage::NoPlaceIk,
             "no place in the bin can be reached with any grasp".into(),
         );
-        let mut world_from_object = *place.world_from_object.iso();
-        world_from_object.translation.vector.z += settings.place.release_height;
-        let base_from_gripper = self.base_from_world
-            * world_from_object
-            * picked.grasp.object_from_gripper.iso();
-        let opening = (picked.grasp.width + settings.release).min(planner.config.gripper.opening);
+        let (base_from_gripper, opening) = self.release(picked, place);
         let holding = Query {
             held: Some(&picked.held),
             allowed: &[],
             margins: settings.near,
         };
-        // The hand alone first: cheap, and decides most cases.
-        let hand = |opening| {
-            self.checker
-                .hand_collision(&base_from_gripper, opening, &holding)
-                .is_none()
-        };
-        if !hand(picked.grasp.width) || !hand(opening) {
-            return None;
-        }
         let closed = picked.lift.end();
         let q = solver
             .solutions(&base_from_gripper, closed, settings.ik_seeds, 1, |q| {

@@ -24,7 +24,7 @@ pub struct PlaceSettings {
     pub margin: f64,
     /// Height above the support at which the object is let go, metres. Default 0.008.
     pub release_height: f64,
-    /// Places returned at most. Default 80.
+    /// Places returned at most. Default 400: the hand fits only at some of them.
     pub keep: usize,
 }
 
@@ -35,7 +35,7 @@ impl Default for PlaceSettings {
             headings: 24,
             margin: 0.008,
             release_height: 0.008,
-            keep: 80,
+            keep: 400,
         }
     }
 }
@@ -188,7 +188,7 @@ pub fn place_poses(
         }
         let alike = |other: &PlacePose| {
             let d = (place.bin_xy[0] - other.bin_xy[0]).hypot(place.bin_xy[1] - other.bin_xy[1]);
-            d < 0.035 && crate::space::wrap(place.heading - other.heading).abs() < 0.5
+            d < 0.025 && crate::space::wrap(place.heading - other.heading).abs() < 0.5
         };
         if !kept.iter().any(alike) {
             kept.push(place);

@@ -42,7 +42,7 @@ pub struct PlannerSettings {
     pub dt: f64,
     /// Seeds from the table for each inverse kinematics problem. Default 8.
     pub ik_seeds: usize,
-    /// Grasps and places for each grasp that are tried. Default 24 and 30.
+    /// Grasps that are tried, and places for each of them that the hand fits in. Default 24 and 16.
     pub tries: [usize; 2],
     /// Objects whose lower side is within this of the table's height are believed to stand on it, metres. Default 0.015.
     pub snap: f64,
@@ -80,7 +80,7 @@ impl Default for PlannerSettings {
             corner: 0.15,
             dt: 1.0 / 240.0,
             ik_seeds: 8,
-            tries: [24, 30],
+            tries: [24, 16],
             snap: 0.015,
         }
     }
