@@ -1,1 +1,50 @@
-//! stub
+//! Belief scene, grasp and place planning, inverse kinematics, motion planning, timing and execution.
+//!
+//! | module | what it holds |
+//! |---|---|
+//! | [`belief`] | what the planner knows: fixtures, bin, estimated objects, base |
+//! | [`collision`], [`edge`] | collision checks of configurations and motions |
+//! | [`space`], [`rrt`] | joint spaces, RRT-Connect and shortcutting |
+//! | [`ik`], [`cartesian`] | inverse kinematics with many seeds, straight motions of the gripper |
+//! | [`smooth`], [`timing`] | rounded corners and time-optimal timing within limits |
+//! | [`surface`], [`antipodal`], [`grasp`] | grasps of an object, and their ranking in a scene |
+//! | [`heightmap`], [`place`] | where to put an object in the bin |
+//! | [`settings`], [`plan`], [`planner`], [`pick`] | the planner, and its plans as data |
+//! | [`reach`] | how well a table, a bin and a robot's place suit each other |
+//!
+//! Nothing here knows the truth: a plan depends on a [`BeliefScene`] and on measured joints alone.
+
+pub mod antipodal;
+pub mod belief;
+pub mod cartesian;
+pub mod collision;
+pub mod edge;
+pub mod grasp;
+pub mod heightmap;
+pub mod ik;
+pub mod pick;
+pub mod place;
+pub mod plan;
+pub mod planner;
+pub mod reach;
+pub mod rrt;
+pub mod settings;
+pub mod smooth;
+pub mod space;
+pub mod surface;
+#[cfg(test)]
+mod testing;
+#[cfg(test)]
+mod tests;
+pub mod timing;
+
+pub use belief::{BeliefScene, BelievedObject, BinGeometry};
+pub use grasp::Grasp;
+pub use pick::pick_order;
+pub use place::PlacePose;
+pub use plan::{
+    Action, GripperCommand, PickPlacePlan, PlanCounters, PlanFailure, PlanStage, PlanStep, StepName,
+};
+pub use planner::Planner;
+pub use settings::PlannerSettings;
+pub use timing::Trajectory;

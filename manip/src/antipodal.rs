@@ -1,0 +1,349 @@
+//! Antipodal grasps of one object by a parallel gripper, in the object's frame; nothing of the scene is known here.
+//!
+//! A surface point and where a ray through the object from there comes out form a pair when both normals lie within
+//! the friction cone about the line between them (Nguyen 1988). About each pair's line the gripper can approach from
+//! all sides and more or less deep; each such pose is tried with pads of their true size: rays from the pads give the
+//! points where flat pads first touch, and thus the real width, contact normals and share of the pad in contact.
+
+use grip_sim::objects::ObjectModel;
+use grip_sim::pose::{Gripper, Object, Pose};
+use grip_sim::robot::GripperConfig;
+use nalgebra::{Isometry3, Matrix3, Point3, Rotation3, Translation3, UnitQuaternion, Vector3};
+use rand::RngExt;
+
+use crate::surface::{Surface, SurfacePoint};
+
+/// Friction of a pad; with the object's own the pair has their mean (the physics uses the average rule).
+pub const PAD_FRICTION: f64 = 0.9;
+
+/// Settings of [`antipodal_grasps`].
+#[derive(Debug, Clone, PartialEq)]
+pub struct AntipodalSettings {
+    /// Surface points drawn. Default 500.
+    pub samples: usize,
+    /// Most contact pairs kept, spread over the object. Default 48.
+    pub pairs: usize,
+    /// Approach directions about each closing axis. Default 16, so that 0, 90, 180 degrees are among them.
+    pub approaches: usize,
+    /// How far behind the contact the centres of the pads may be, metres: shallow grasps reach flat objects on a
+    /// table. Default 0, 12 and 22 mm; the pads' half length is 30 mm.
+    pub depths: Vec<f64>,
+    /// Widest object, metres. Default 0.092: the opening of 0.10 less 4 mm on each side.
+    pub max_width: f64,
+    /// Share of the friction coefficient that the normals may use up. Default 0.6.
+    pub friction_share: f64,
+}
+
+impl Default for AntipodalSettings {
+    fn default() -> Self {
+        Self {
+            samples: 500,
+            pairs: 48,
+            approaches: 16,
+            depths: vec![0.0, 0.012, 0.022],
+            max_width: 0.092,
+            friction_share: 0.6,
+        }
+    }
+}
+
+/// A grasp of an object in free space.
+#[derive(Debug, Clone, PartialEq)]
+pub struct GraspCandidate {
+    /// Where the gripper is; the pads touch at the same time when it closes here.
+    pub object_from_gripper: Pose<Object, Gripper>,
+    /// Distance of the pads in contact, metres.
+    pub width: f64,
+    /// Share of the pad in contact within 1.5 mm, the lesser of both sides.
+    pub contact_share: f64,
+    /// Largest angle between a contact normal and the closing axis, radians.
+    pub cone_angle: f64,
+    /// Middle of the contacts in the gripper's frame along the fingers, metres; 0 is the centre of the pads.
+    pub contact_depth: f64,
+    /// The hand fits about the object with the gripper fully open, too.
+    pub fits_wide: bool,
+}
+
+/// Where two flat pads would touch.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PadContact {
+    /// Distance of the pads, metres.
+    pub width: f64,
+    /// Middle between the pads along the closing axis, gripper frame, metres.
+    pub center: f64,
+    /// Lesser share of a pad in contact.
+    pub share: f64,
+    /// Largest angle between a mean contact normal and the closing axis, radians.
+    pub cone_angle: f64,
+    /// Middle of the contacts along the fingers, gripper frame, metres.
+    pub depth: f64,
+}
+
+/// Depth of the contact patch: what a flat pad covers of a slightly curved surface.
+const PATCH: f64 = 0.0015;
+
+/// Closes flat pads from `opening` on the object at `object_from_gripper`; none when a pad meets nothing.
+pub fn pad_contact(
+    surface: &Surface,
+    pad_half: &Vector3<f64>,
+    object_from_gripper: &Isometry3<f64>,
+    opening: f64,
+) -> Option<PadContact> {
+    const ALONG: [f64; 5] = [-0.8, -0.4, 0.0, 0.4, 0.8];
+    const ACROSS: [f64; 3] = [-0.75, 0.0, 0.75];
+    let closing = object_from_gripper * Vector3::y();
+    let side = |sign: f64| -> Option<(f64, f64, f64, [f64; 2])> {
+        let mut hits: Vec<(f64, SurfacePoint, [f64; 2])> = Vec::with_capacity(15);
+        for x in ALONG {
+            for z in ACROSS {
+                let at = [x * pad_half.x, z * pad_half.z];
+                let from = object_from_gripper * Point3::new(at[0], 0.5 * sign * opening, at[1]);
+                if let Some(hit) = surface.enter(&from, &(-closing * sign), opening) {
+                    let y = 0.5 * opening - (hit.point - from).norm();
+                    hits.push((y, hit, at));
+                }
+            }
+        }
+        // `y` is the height of the surface towards this pad.
+        let first = hits.iter().map(|h| h.0).fold(f64::NEG_INFINITY, f64::max);
+        if !first.is_finite() {
+            return None;
+        }
+        let mut normal = Vector3::zeros();
+        let (mut count, mut mean) = (0.0, [0.0, 0.0]);
+        for (y, hit, at) in &hits {
+            if *y >= first - PATCH {
+                normal += hit.normal;
+                count += 1.0;
+                mean = [mean[0] + at[0], mean[1] + at[1]];
+            }
+        }
+        let angle = normal.angle(&(closing * sign));
+        let share = count / (ALONG.len() * ACROSS.len()) as f64;
+        Some((first, share, angle, mean.map(|m| m / count)))
+    };
+    let (left, right) = (side(1.0)?, side(-1.0)?);
+    // Contacts that do not face each other make a couple that turns the object.
+    let apart = (left.3[0] - right.3[0]).hypot(left.3[1] - right.3[1]);
+    let width = left.0 + right.0;
+    (apart < 0.015 && width > 0.001).then(|| PadContact {
+        width,
+        center: 0.5 * (left.0 - right.0),
+        share: left.1.min(right.1),
+        cone_angle: left.2.max(right.2),
+        depth: 0.5 * (left.3[0] + right.3[0]),
+    })
+}
+
+/// A line between two opposite surface points.
+#[derive(Debug, Clone, Copy)]
+struct Pair {
+    center: Point3<f64>,
+    axis: Vector3<f64>,
+    width: f64,
+}
+
+/// The largest angle between a contact normal and the closing axis for a pad on this object, radians.
+pub fn cone(model: &ObjectModel, settings: &AntipodalSettings) -> f64 {
+    (settings.friction_share * 0.5 * (PAD_FRICTION + model.info.friction))
+        .max(0.0)
+        .atan()
+}
+
+/// All grasps found, in a fixed order. `hand_fits(object_from_gripper, opening)` says whether the hand is clear of the
+/// object itself. Deterministic: the samples come from a stream named after the object.
+pub fn antipodal_grasps(
+    model: &ObjectModel,
+    surface: &Surface,
+    gripper: &GripperConfig,
+    settings: &AntipodalSettings,
+    hand_fits: impl Fn(&Isometry3<f64>, f64) -> bool,
+) -> Vec<GraspCandidate> {
+    let cone = cone(model, settings);
+    let pairs = spread(contact_pairs(model, surface, settings, cone), settings.pairs);
+    let mut grasps = Vec::new();
+    for pair in &pairs {
+        for k in 0..settings.approaches {
+            let angle = std::f64::consts::TAU * k as f64 / settings.approaches as f64;
+            let rotation = orientation(&pair.axis, angle);
+            let approach = rotation * Vector3::x();
+            for &depth in &settings.depths {
+                let mut pose = Isometry3::from_parts(
+                    Translation3::from(pair.center.coords - approach * depth),
+                    rotation,
+                );
+                let opening = narrow_opening(pair.width, gripper);
+                let Some(contact) =
+                    pad_contact(surface, &gripper.pad_half_extents, &pose, opening)
+                else {
+                    continue;
+                };
+                if contact.cone_angle > cone || contact.width > settings.max_width {
+                    continue;
+                }
+                pose.translation.vector += rotation * Vector3::y() * contact.center;
+                let opening = narrow_opening(contact.width, gripper);
+                // On the way in as well as at the grasp.
+                let clear = |opening: f64| {
+                    [0.0, 0.02, 0.05].iter().all(|back| {
+                        let mut at = pose;
+                        at.translation.vector -= approach * *back;
+                        hand_fits(&at, opening)
+                    })
+                };
+                if clear(opening) {
+                    grasps.push(GraspCandidate {
+                        object_from_gripper: Pose::new(pose),
+                        width: contact.width,
+                        contact_share: contact.share,
+                        cone_angle: contact.cone_angle,
+                        contact_depth: contact.depth,
+                        fits_wide: clear(gripper.opening),
+                    });
+                }
+            }
+        }
+    }
+    grasps
+}
+
+/// The opening for tight places: 12 mm of air on each side of the object.
+pub fn narrow_opening(width: f64, gripper: &GripperConfig) -> f64 {
+    (width + 0.024).min(gripper.opening)
+}
+
+fn contact_pairs(
+    model: &ObjectModel,
+    surface: &Surface,
+    settings: &AntipodalSettings,
+    cone: f64,
+) -> Vec<Pair> {
+    let mut rng = grip_sim::rng::stream(0, &format!("grasps of {}", model.info.name));
+    let mut pairs = Vec::new();
+    let far = 2.0 * model.diameter;
+    for _ in 0..settings.samples {
+        let a = surface.sample(&mut rng);
+        let wobble = Vector3::from_fn(|_, _| rng.random::<f64>() - 0.5) * cone;
+        // Straight through along the normal, and once within the cone.
+        for dir in [-a.normal, (-a.normal + wobble).normalize()] {
+            let inside = a.point + dir * 1e-4;
+            // The first exit clasps a wall (a rim), the last one the whole body.
+            let first = surface.leave(&inside, &dir, far);
+            let last = surface.enter(&(a.point + dir * far), &(-dir), far);
+            for b in [first, last].into_iter().flatten() {
+                let width = (b.point - a.point).norm();
+                let within = width > 0.0015
+                    && width <= settings.max_width
+                    && a.normal.angle(&-dir) <= cone
+                    && b.normal.angle(&dir) <= cone;
+                if within {
+                    pairs.push(Pair {
+                        center: nalgebra::center(&a.point, &b.point),
+                        axis: dir,
+                        width,
+                    });
+                }
+            }
+        }
+    }
+    pairs
+}
+
+/// Up to `count` pairs that differ from each other as much as possible (farthest-point selection).
+fn spread(pairs: Vec<Pair>, count: usize) -> Vec<Pair> {
+    // A quarter turn of the closing axis counts like 8 cm.
+    let difference = |a: &Pair, b: &Pair| {
+        let cosine = a.axis.dot(&b.axis).abs().min(1.0);
+        (a.center - b.center).norm() + 0.05 * cosine.acos() + 0.5 * (a.width - b.width).abs()
+    };
+    let mut nearest = vec![f64::INFINITY; pairs.len()];
+    let mut chosen = Vec::new();
+    let mut next = 0;
+    while chosen.len() < count.min(pairs.len()) && nearest.get(next).is_some_and(|d| *d > 0.004) {
+        let pick = pairs[next];
+        chosen.push(pick);
+        let mut farthest = 0.0;
+        for (i, pair) in pairs.iter().enumerate() {
+            nearest[i] = nearest[i].min(difference(pair, &pick));
+            if nearest[i] > farthest {
+                farthest = nearest[i];
+                next = i;
+            }
+        }
+    }
+    chosen
+}
+
+/// The gripper's axes with y along `closing` and x at `angle` about it, counted from an axis of the object.
+fn orientation(closing: &Vector3<f64>, angle: f64) -> UnitQuaternion<f64> {
+    // The object axis most across the closing direction, so that boxes get approaches along their faces.
+    let across = [Vector3::z(), Vector3::x(), Vector3::y()]
+        .into_iter()
+        .min_by(|a, b| a.dot(closing).abs().total_cmp(&b.dot(closing).abs()))
+        .unwrap_or(Vector3::z());
+    let y = closing.normalize();
+    let x0 = (across - y * across.dot(&y)).normalize();
+    let z0 = x0.cross(&y);
+    let frame = Matrix3::from_columns(&[x0, y, z0]);
+    UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(frame))
+        * UnitQuaternion::from_axis_angle(&Vector3::y_axis(), angle)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::testing::{box_model, cylinder_model, fetch};
+
+    fn grasps(model: &ObjectModel) -> Vec<GraspCandidate> {
+        let (_, config) = fetch();
+        let surface = Surface::new(&model.visual.mesh).unwrap();
+        let settings = AntipodalSettings::default();
+        antipodal_grasps(model, &surface, &config.gripper, &settings, |_, _| true)
+    }
+
+    #[test]
+    fn both_normals_lie_in_the_friction_cone_and_the_width_is_the_objects() {
+        let model = cylinder_model("can", 0.033, 0.1);
+        let surface = Surface::new(&model.visual.mesh).unwrap();
+        let limit = cone(&model, &AntipodalSettings::default());
+        let found = grasps(&model);
+        assert!(found.len() > 100, "{}", found.len());
+        for g in &found {
+            let pose = g.object_from_gripper.iso();
+            let (y, c) = (pose * Vector3::y(), Point3::from(pose.translation.vector));
+            assert!(g.cone_angle <= limit && g.width < 0.092);
+            // Again by a ray from far off, through the middle of the contact.
+            let middle = c + pose * Vector3::x() * g.contact_depth;
+            for sign in [1.0, -1.0] {
+                let from = middle + y * (sign * 0.2);
+                if let Some(hit) = surface.enter(&from, &(-y * sign), 0.4) {
+                    let pad = 0.5 * g.width - (hit.point - middle).dot(&(y * sign));
+                    assert!(pad > -PATCH, "the pad would be inside by {pad}");
+                }
+            }
+            let axial = y.z.abs();
+            if axial < 0.05 {
+                assert!((g.width - 0.066).abs() < 0.002, "across the can: {}", g.width);
+            }
+        }
+    }
+
+    #[test]
+    fn a_wide_side_of_a_box_is_not_grasped() {
+        let model = box_model("cereal", [0.16, 0.06, 0.21]);
+        let found = grasps(&model);
+        assert!(!found.is_empty());
+        for g in &found {
+            let closing = g.object_from_gripper.transform_vector(&Vector3::y());
+            assert!(closing.y.abs() > 0.9, "closes along the thin side only: {closing}");
+            assert!((g.width - 0.06).abs() < 0.02);
+        }
+    }
+
+    #[test]
+    fn too_large_for_the_gripper_means_no_grasp_and_the_search_repeats() {
+        assert!(grasps(&box_model("crate", [0.2, 0.2, 0.2])).is_empty());
+        let model = box_model("b", [0.04, 0.06, 0.1]);
+        assert_eq!(grasps(&model), grasps(&model));
+    }
+}

@@ -1,0 +1,459 @@
+//! Collision checks of a configuration against the believed scene, the robot itself and what it holds.
+//!
+//! Three stages, cheapest first: a ball about each link against a box about each obstacle; the row of balls that covers
+//! each convex piece against the oriented box of the other; GJK (parry). A pair counts as colliding when it is closer
+//! than a margin. Everything is in the robot's base frame, in single precision.
+
+mod robot;
+mod solid;
+
+use std::cell::RefCell;
+use std::sync::Arc;
+
+use grip_sim::objects::ObjectModel;
+use nalgebra::Isometry3;
+use parry3d::math::{Pose, Vector};
+
+pub use robot::RobotSolids;
+use robot::LinkSolids;
+use solid::{Piece, distance, near, pose32};
+
+use crate::belief::BeliefScene;
+
+/// Something that can collide.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Body {
+    /// A link, by its index in the robot model.
+    Link(usize),
+    /// A fixture, by its index in the belief.
+    Fixture(usize),
+    /// An object, by its index in the belief.
+    Object(usize),
+    /// The object in the hand.
+    Held,
+}
+
+/// Two bodies closer than the margin.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct CollisionPair {
+    /// A link or the held object.
+    pub a: Body,
+    /// The other one.
+    pub b: Body,
+}
+
+/// How close is too close, metres.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Margins {
+    /// Robot and held object to fixtures and objects.
+    pub world: f64,
+    /// Between links, and of the held object to links.
+    pub own: f64,
+    /// Share of an object's position spread added to its margin (capped at 10 mm).
+    pub spread: f64,
+}
+
+/// The object in the hand, rigid in the gripper link's frame.
+#[derive(Debug, Clone)]
+pub struct Held {
+    solids: LinkSolids,
+    /// Index of the object in the belief; it is no obstacle while it is held.
+    pub object: usize,
+    /// Gripper link from object.
+    pub gripper_from_object: Isometry3<f64>,
+    /// Distance of the farthest point from the gripper link's origin, metres.
+    pub extent: f64,
+}
+
+impl Held {
+    /// `model`, the belief's object number `object`, held at `gripper_from_object`.
+    pub fn new(model: &ObjectModel, object: usize, gripper_from_object: Isometry3<f64>) -> Self {
+        let pieces: Vec<Piece> = model
+            .collision
+            .iter()
+            .map(|s| Piece::new(s, &gripper_from_object))
+            .collect();
+        let extent = pieces
+            .iter()
+            .flat_map(Piece::corners)
+            .fold(0.0_f32, |m, c| m.max(c.length()));
+        Self {
+            solids: LinkSolids::new(pieces, true),
+            object,
+            gripper_from_object,
+            extent: f64::from(extent),
+        }
+    }
+}
+
+/// What a check takes into account.
+#[derive(Debug, Clone, Copy)]
+pub struct Query<'a> {
+    /// The object in the hand.
+    pub held: Option<&'a Held>,
+    /// Pairs that may meet, each in either order.
+    pub allowed: &'a [CollisionPair],
+    /// How close is too close.
+    pub margins: Margins,
+}
+
+impl Query<'_> {
+    fn allows(&self, a: Body, b: Body) -> bool {
+        self.allowed
+            .iter()
+            .any(|p| (p.a == a && p.b == b) || (p.a == b && p.b == a))
+    }
+}
+
+/// A fixture or object in the base frame.
+#[derive(Debug)]
+struct Obstacle {
+    body: Body,
+    pieces: Vec<Piece>,
+    /// Box about all pieces, base axes.
+    center: Vector,
+    half: Vector,
+    spread: f32,
+}
+
+/// Buffers of a check.
+#[derive(Debug, Default)]
+struct Scratch {
+    poses: Vec<Isometry3<f64>>,
+    links: Vec<Pose>,
+}
+
+/// Checks configurations of one robot in one believed scene.
+#[derive(Debug)]
+pub struct CollisionChecker {
+    robot: Arc<RobotSolids>,
+    obstacles: Vec<Obstacle>,
+    names: Vec<(Body, String)>,
+    scratch: RefCell<Scratch>,
+}
+
+impl CollisionChecker {
+    /// The scene `belief` about `robot`.
+    pub fn new(robot: Arc<RobotSolids>, belief: &BeliefScene) -> Self {
+        let base_from_world = belief.world_from_base.iso().inverse();
+        let fixtures = belief.fixtures.iter().enumerate().map(|(i, shape)| {
+            let piece = Piece::new(shape, &base_from_world);
+            obstacle(Body::Fixture(i), vec![piece], 0.0)
+        });
+        let objects = belief.objects.iter().enumerate().map(|(i, object)| {
+            let base_from_object = base_from_world * object.world_from_object.iso();
+            let pieces = object
+                .model
+                .collision
+                .iter()
+                .map(|s| Piece::new(s, &base_from_object))
+                .collect();
+            obstacle(Body::Object(i), pieces, object.position_std_m.clamp(0.0, 0.010))
+        });
+        let names = belief
+            .objects
+            .iter()
+            .enumerate()
+            .map(|(i, o)| (Body::Object(i), o.name.clone()))
+            .collect();
+        Self {
+            obstacles: fixtures.chain(objects).filter(|o| !o.pieces.is_empty()).collect(),
+            names,
+            robot,
+            scratch: RefCell::default(),
+        }
+    }
+
+    /// The robot's solids.
+    pub fn robot(&self) -> &Arc<RobotSolids> {
+        &self.robot
+    }
+
+    /// A body's name for people.
+    pub fn name(&self, body: Body) -> String {
+        match body {
+            Body::Link(i) => self.robot.model.links()[i].name.clone(),
+            Body::Fixture(i) => format!("fixture {i}"),
+            Body::Held => "held object".into(),
+            Body::Object(_) => self
+                .names
+                .iter()
+                .find(|(b, _)| *b == body)
+                .map_or_else(|| "object".into(), |(_, name)| name.clone()),
+        }
+    }
+
+    /// A pair for people.
+    pub fn describe(&self, pair: CollisionPair) -> String {
+        format!("{} and {}", self.name(pair.a), self.name(pair.b))
+    }
+
+    /// The first pair found too close at `q` (all movable joints, finite), or none.
+    pub fn in_collision(&self, q: &[f64], query: &Query<'_>) -> Option<CollisionPair> {
+        let mut found = None;
+        self.visit(q, query, &mut |pair| {
+            found = Some(pair);
+            true
+        });
+        found
+    }
+
+    /// All pairs too close at `q`, in a fixed order.
+    pub fn collisions(&self, q: &[f64], query: &Query<'_>) -> Vec<CollisionPair> {
+        let mut found = Vec::new();
+        self.visit(q, query, &mut |pair| {
+            found.push(pair);
+            false
+        });
+        found
+    }
+
+    /// Calls `report` for each pair too close until it says stop.
+    fn visit(
+        &self,
+        q: &[f64],
+        query: &Query<'_>,
+        report: &mut impl FnMut(CollisionPair) -> bool,
+    ) {
+        let scratch = &mut *self.scratch.borrow_mut();
+        self.robot.model.fk_into(q, &mut scratch.poses);
+        scratch.links.clear();
+        scratch.links.extend(scratch.poses.iter().map(pose32));
+        let poses = &scratch.links;
+
+        let margin = query.margins.world as f32;
+        let skip = query.held.map(|h| Body::Object(h.object));
+        for (i, (link, pose)) in self.robot.links.iter().zip(poses).enumerate() {
+            if link.moves && !link.pieces.is_empty() {
+                for o in self.obstacles.iter().filter(|o| Some(o.body) != skip) {
+                    let pair = CollisionPair {
+                        a: Body::Link(i),
+                        b: o.body,
+                    };
+                    if o.meets(link, pose, margin, query) && !query.allows(pair.a, pair.b) && report(pair) {
+                        return;
+                    }
+                }
+            }
+        }
+        let own = query.margins.own as f32;
+        for &(a, b) in &self.robot.pairs {
+            let pair = CollisionPair {
+                a: Body::Link(a),
+                b: Body::Link(b),
+            };
+            if links_meet(
+                (&self.robot.links[a], &poses[a]),
+                (&self.robot.links[b], &poses[b]),
+                own,
+            ) && !query.allows(pair.a, pair.b)
+                && report(pair)
+            {
+                return;
+            }
+        }
+        let Some(held) = query.held else { return };
+        let pose = &poses[self.robot.gripper];
+        for o in self.obstacles.iter().filter(|o| Some(o.body) != skip) {
+            let pair = CollisionPair {
+                a: Body::Held,
+                b: o.body,
+            };
+            if o.meets(&held.solids, pose, margin, query)
+                && !query.allows(pair.a, pair.b)
+                && report(pair)
+            {
+                return;
+            }
+        }
+        for (i, link) in self.robot.links.iter().enumerate() {
+            if link.pieces.is_empty() || self.robot.hand.contains(&i) {
+                continue;
+            }
+            let pair = CollisionPair {
+                a: Body::Held,
+                b: Body::Link(i),
+            };
+            if links_meet((&held.solids, pose), (link, &poses[i]), own)
+                && !query.allows(pair.a, pair.b)
+                && report(pair)
+            {
+                return;
+            }
+        }
+    }
+
+    /// Distance of the robot and what it holds from fixtures and objects, metres: at most `max`, 0 in contact.
+    /// Allowed pairs do not count, margins are ignored.
+    pub fn clearance(&self, q: &[f64], query: &Query<'_>, max: f64) -> f64 {
+        let poses: Vec<Pose> = self.robot.model.fk(q).iter().map(pose32).collect();
+        let links = self.robot.links.iter().enumerate().filter(|(_, l)| l.moves);
+        let held = query.held.map(|h| (Body::Held, &h.solids, &poses[self.robot.gripper]));
+        let skip = query.held.map(|h| Body::Object(h.object));
+        links
+            .map(|(i, link)| (Body::Link(i), link, &poses[i]))
+            .chain(held)
+            .fold(max as f32, |best, (body, solids, pose)| {
+                self.body_clearance(body, solids, pose, skip, query, best)
+            })
+            .into()
+    }
+
+    fn body_clearance(
+        &self,
+        body: Body,
+        solids: &LinkSolids,
+        pose: &Pose,
+        skip: Option<Body>,
+        query: &Query<'_>,
+        mut best: f32,
+    ) -> f32 {
+        for o in &self.obstacles {
+            if Some(o.body) == skip || query.allows(body, o.body) {
+                continue;
+            }
+            let center = *pose * solids.center;
+            if o.box_distance(center) > solids.radius + best {
+                continue;
+            }
+            for piece in &solids.pieces {
+                let at = *pose * piece.pose;
+                for other in &o.pieces {
+                    let reachable = piece.cover.iter().any(|c| {
+                        other.box_distance_squared(*pose * *c) <= (piece.ball + best).powi(2)
+                    });
+                    if reachable {
+                        let pose12 = other.pose.inverse() * at;
+                        best = best.min(distance(&pose12, &other.solid, &piece.solid, best));
+                    }
+                }
+            }
+        }
+        best
+    }
+
+    /// The first obstacle that the hand alone, at `base_from_gripper` with `opening` metres between the pads, is too
+    /// close to. What is held is checked along with it.
+    pub fn hand_collision(
+        &self,
+        base_from_gripper: &Isometry3<f64>,
+        opening: f64,
+        query: &Query<'_>,
+    ) -> Option<CollisionPair> {
+        let margin = query.margins.world as f32;
+        let skip = query.held.map(|h| Body::Object(h.object));
+        let gripper = pose32(base_from_gripper);
+        let held = query.held.map(|h| (Body::Held, &h.solids, gripper));
+        self.robot
+            .hand_poses(opening)
+            .map(|(i, gripper_from_link)| {
+                let pose = pose32(&(base_from_gripper * gripper_from_link));
+                (Body::Link(i), &self.robot.links[i], pose)
+            })
+            .chain(held)
+            .find_map(|(body, solids, pose)| {
+                self.obstacles
+                    .iter()
+                    .filter(|o| Some(o.body) != skip)
+                    .find(|o| o.meets(solids, &pose, margin, query) && !query.allows(body, o.body))
+                    .map(|o| CollisionPair { a: body, b: o.body })
+            })
+    }
+
+    /// Distance of the hand alone from the obstacles, metres: at most `max`, 0 in contact.
+    pub fn hand_clearance(
+        &self,
+        base_from_gripper: &Isometry3<f64>,
+        opening: f64,
+        query: &Query<'_>,
+        max: f64,
+    ) -> f64 {
+        let skip = query.held.map(|h| Body::Object(h.object));
+        self.robot
+            .hand_poses(opening)
+            .fold(max as f32, |best, (i, gripper_from_link)| {
+                let pose = pose32(&(base_from_gripper * gripper_from_link));
+                let solids = &self.robot.links[i];
+                self.body_clearance(Body::Link(i), solids, &pose, skip, query, best)
+            })
+            .into()
+    }
+}
+
+fn obstacle(body: Body, pieces: Vec<Piece>, spread: f64) -> Obstacle {
+    let mut low = Vector::splat(f32::INFINITY);
+    let mut high = Vector::splat(f32::NEG_INFINITY);
+    for corner in pieces.iter().flat_map(Piece::corners) {
+        low = low.min(corner);
+        high = high.max(corner);
+    }
+    Obstacle {
+        body,
+        pieces,
+        center: (low + high) * 0.5,
+        half: (high - low) * 0.5,
+        spread: spread as f32,
+    }
+}
+
+impl Obstacle {
+    fn box_distance(&self, point: Vector) -> f32 {
+        ((point - self.center).abs() - self.half)
+            .max(Vector::ZERO)
+            .length()
+    }
+
+    /// Whether solids at `pose` are closer than the margin.
+    fn meets(&self, solids: &LinkSolids, pose: &Pose, margin: f32, query: &Query<'_>) -> bool {
+        let margin = margin + self.spread * query.margins.spread as f32;
+        if self.box_distance(*pose * solids.center) > solids.radius + margin {
+            return false;
+        }
+        solids.pieces.iter().any(|piece| {
+            let bound = piece.ball + margin;
+            let touches_box = piece
+                .cover
+                .iter()
+                .any(|c| self.box_distance(*pose * *c) <= bound);
+            touches_box
+                && self
+                    .pieces
+                    .iter()
+                    .any(|other| pieces_meet(piece, pose, other, &Pose::IDENTITY, margin))
+        })
+    }
+}
+
+fn links_meet(a: (&LinkSolids, &Pose), b: (&LinkSolids, &Pose), margin: f32) -> bool {
+    let apart = (*a.1 * a.0.center - *b.1 * b.0.center).length();
+    apart <= a.0.radius + b.0.radius + margin
+        && a.0.pieces.iter().any(|p| {
+            b.0.pieces
+                .iter()
+                .any(|other| pieces_meet(p, a.1, other, b.1, margin))
+        })
+}
+
+fn pieces_meet(a: &Piece, pose_a: &Pose, b: &Piece, pose_b: &Pose, margin: f32) -> bool {
+    let b_from_a = pose_b.inverse() * *pose_a;
+    let bound = (a.ball + margin).powi(2);
+    if !a
+        .cover
+        .iter()
+        .any(|c| b.box_distance_squared(b_from_a * *c) <= bound)
+    {
+        return false;
+    }
+    // The other way round too: a long piece's balls are loose about a short one.
+    let a_from_b = b_from_a.inverse();
+    let bound = (b.ball + margin).powi(2);
+    if !b
+        .cover
+        .iter()
+        .any(|c| a.box_distance_squared(a_from_b * *c) <= bound)
+    {
+        return false;
+    }
+    let pose12 = b.pose.inverse() * b_from_a * a.pose;
+    near(&pose12, &b.solid, &a.solid, margin)
+}

@@ -1,0 +1,327 @@
+//! Ranks an object's antipodal grasps in the believed scene.
+
+use std::collections::BTreeMap;
+use std::sync::{Arc, Mutex};
+
+use grip_sim::objects::ObjectModel;
+use grip_sim::pose::{Gripper, Object, Pose, World};
+use grip_sim::robot::GripperConfig;
+use nalgebra::{Point3, Vector3};
+use serde::Serialize;
+
+use crate::antipodal::{AntipodalSettings, GraspCandidate, antipodal_grasps, narrow_opening};
+use crate::belief::{BeliefScene, BelievedObject};
+use crate::collision::{Body, CollisionChecker, CollisionPair, Margins, Query, RobotSolids};
+use crate::surface::Surface;
+
+/// A grasp of a believed object in the scene.
+#[derive(Debug, Clone, Serialize)]
+pub struct Grasp {
+    /// The gripper in the object's frame.
+    pub object_from_gripper: Pose<Object, Gripper>,
+    /// The gripper in the world.
+    pub world_from_gripper: Pose<World, Gripper>,
+    /// Expected distance of the pads when closed, metres.
+    pub width: f64,
+    /// Opening to approach with, metres.
+    pub opening: f64,
+    /// Distance of the hand from everything but the object, metres, at most 0.03.
+    pub clearance: f64,
+    /// Horizontal distance of the object's centre of mass from the grasp's centre, metres.
+    pub lever: f64,
+    /// Share of the pads in contact, 0 to 1.
+    pub contact_share: f64,
+    /// Sum of the weighted terms of [`GraspWeights`]; larger is better.
+    pub score: f64,
+}
+
+/// Weights of a grasp's score. Each term is between 0 (bad) and 1 (good).
+#[derive(Debug, Clone, PartialEq)]
+pub struct GraspWeights {
+    /// Approach straight down. Default 1.0: the arm and the bin's walls favour it.
+    pub gravity: f64,
+    /// Centre of mass between the pads, falling to 0 at 6 cm. Default 1.2: a lever lets the object turn.
+    pub lever: f64,
+    /// Room between pads and object against two standard deviations of the position. Default 1.0.
+    pub room: f64,
+    /// Contact patch. Default 0.6.
+    pub contact: f64,
+    /// Contacts at the pads' centre rather than at their tips. Default 0.5.
+    pub depth: f64,
+    /// Normals along the closing axis. Default 0.4.
+    pub cone: f64,
+    /// Distance of the hand from other things up to 3 cm. Default 0.6.
+    pub clearance: f64,
+}
+
+impl Default for GraspWeights {
+    fn default() -> Self {
+        Self {
+            gravity: 1.0,
+            lever: 1.2,
+            room: 1.0,
+            contact: 0.6,
+            depth: 0.5,
+            cone: 0.4,
+            clearance: 0.6,
+        }
+    }
+}
+
+/// Settings of [`rank_grasps`].
+#[derive(Debug, Clone, PartialEq)]
+pub struct GraspSettings {
+    /// Candidates in the object's frame.
+    pub antipodal: AntipodalSettings,
+    /// Weights of the score.
+    pub weights: GraspWeights,
+    /// Least downward part of the approach direction. Default 0.17: up to 80 degrees from straight down.
+    pub least_down: f64,
+    /// Least distance of the hand from the table and other things at the grasp, metres. Default 0.004.
+    pub margin: f64,
+    /// Share of the other objects' spread added to that. Default 0.5.
+    pub spread: f64,
+    /// Distance of the pre-grasp pose along the approach, metres. Default 0.09.
+    pub standoff: f64,
+    /// Grasps returned at most. Default 40.
+    pub keep: usize,
+}
+
+impl Default for GraspSettings {
+    fn default() -> Self {
+        Self {
+            antipodal: AntipodalSettings::default(),
+            weights: GraspWeights::default(),
+            least_down: 0.17,
+            margin: 0.004,
+            spread: 0.5,
+            standoff: 0.09,
+            keep: 40,
+        }
+    }
+}
+
+/// What an object's grasps need, made once an object.
+#[derive(Debug)]
+pub struct ObjectGrasps {
+    /// All candidates in the object's frame.
+    pub candidates: Vec<GraspCandidate>,
+    /// Centre of mass, object frame.
+    pub center_of_mass: Point3<f64>,
+}
+
+/// The grasps of each object met so far, by name.
+#[derive(Debug, Default)]
+pub struct GraspCache {
+    known: Mutex<BTreeMap<String, Arc<ObjectGrasps>>>,
+}
+
+impl GraspCache {
+    /// The grasps of `model`, made on first use (some 0.1 s). Objects of one name must be the same object.
+    pub fn get(
+        &self,
+        model: &Arc<ObjectModel>,
+        robot: &Arc<RobotSolids>,
+        gripper: &GripperConfig,
+        settings: &AntipodalSettings,
+    ) -> Arc<ObjectGrasps> {
+        let lock = || self.known.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
+        if let Some(found) = lock().get(&model.info.name) {
+            return found.clone();
+        }
+        // Made without the lock: other threads may plan other objects meanwhile, and the result is the same for all.
+        let made = Arc::new(object_grasps(model, robot, gripper, settings));
+        lock()
+            .entry(model.info.name.clone())
+            .or_insert(made)
+            .clone()
+    }
+}
+
+fn object_grasps(
+    model: &Arc<ObjectModel>,
+    robot: &Arc<RobotSolids>,
+    gripper: &GripperConfig,
+    settings: &AntipodalSettings,
+) -> ObjectGrasps {
+    let Some(surface) = Surface::new(&model.visual.mesh) else {
+        return ObjectGrasps {
+            candidates: Vec::new(),
+            center_of_mass: Point3::origin(),
+        };
+    };
+    // The object alone, in its own frame, as a scene.
+    let alone = BeliefScene {
+        fixtures: Vec::new(),
+        table_height: 0.0,
+        bin: crate::belief::BinGeometry {
+            world_from_bin: Pose::identity(),
+            inner: [1.0, 1.0],
+            wall_height: 0.0,
+        },
+        objects: vec![BelievedObject {
+            name: model.info.name.clone(),
+            model: model.clone(),
+            world_from_object: Pose::identity(),
+            position_std_m: 0.0,
+            confidence: 1.0,
+            packed: false,
+        }],
+        world_from_base: Pose::identity(),
+    };
+    let checker = CollisionChecker::new(robot.clone(), &alone);
+    let query = Query {
+        held: None,
+        allowed: &[],
+        margins: Margins {
+            world: 0.001,
+            own: 0.0,
+            spread: 0.0,
+        },
+    };
+    let fits = |pose: &nalgebra::Isometry3<f64>, opening: f64| {
+        checker.hand_collision(pose, opening, &query).is_none()
+    };
+    ObjectGrasps {
+        candidates: antipodal_grasps(model, &surface, gripper, settings, fits),
+        center_of_mass: surface.center_of_mass,
+    }
+}
+
+/// Pairs of every hand link with one object.
+pub fn hand_may_touch(robot: &RobotSolids, object: usize) -> Vec<CollisionPair> {
+    robot
+        .hand
+        .iter()
+        .map(|&link| CollisionPair {
+            a: Body::Link(link),
+            b: Body::Object(object),
+        })
+        .collect()
+}
+
+/// What [`rank_grasps`] looked at.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize)]
+pub struct GraspCounters {
+    /// Antipodal candidates of the object.
+    pub candidates: usize,
+    /// Of those, approached from above and clear of the table by their pose alone.
+    pub oriented: usize,
+    /// Of those, tried with the hand's solids.
+    pub tried: usize,
+    /// Of those, free.
+    pub free: usize,
+}
+
+/// The best free grasps of object `target`, best first, no two of them alike.
+pub fn rank_grasps(
+    grasps: &ObjectGrasps,
+    belief: &BeliefScene,
+    target: usize,
+    checker: &CollisionChecker,
+    gripper: &GripperConfig,
+    settings: &GraspSettings,
+) -> (Vec<Grasp>, GraspCounters) {
+    let object = &belief.objects[target];
+    let world_from_object = object.world_from_object;
+    let base_from_world = belief.world_from_base.iso().inverse();
+    let com = world_from_object.transform_point(&grasps.center_of_mass);
+    let w = &settings.weights;
+    let pad = gripper.pad_half_extents;
+    let mut counters = GraspCounters {
+        candidates: grasps.candidates.len(),
+        ..Default::default()
+    };
+
+    let mut scored: Vec<(f64, f64, &GraspCandidate, Pose<World, Gripper>)> = Vec::new();
+    for candidate in &grasps.candidates {
+        let world_from_gripper = world_from_object * candidate.object_from_gripper;
+        let axis = |v: Vector3<f64>| world_from_gripper.transform_vector(&v);
+        let (approach, closing, side) = (axis(Vector3::x()), axis(Vector3::y()), axis(Vector3::z()));
+        if -approach.z < settings.least_down {
+            continue;
+        }
+        // Lowest point of the open fingers.
+        let outer = 0.5 * candidate.width + 0.012 + 2.0 * pad.y;
+        let low = world_from_gripper.translation().z
+            - approach.z.abs() * pad.x
+            - closing.z.abs() * outer
+            - side.z.abs() * pad.z;
+        if low < belief.table_height + settings.margin {
+            continue;
+        }
+        counters.oriented += 1;
+        let center = world_from_gripper
+            .transform_point(&Point3::new(candidate.contact_depth, 0.0, 0.0));
+        let lever = (com - center).xy().norm();
+        let sigma = 2.0 * object.position_std_m.max(0.001);
+        let room = 0.5 * (gripper.opening - candidate.width);
+        let score = w.gravity * -approach.z
+            + w.lever * (1.0 - lever / 0.06).clamp(-1.0, 1.0)
+            + w.room * (room / (3.0 * sigma)).min(1.0)
+            // A third of the pad is what a can gives.
+            + w.contact * (candidate.contact_share / 0.34).min(1.0)
+            + w.depth * (1.0 - candidate.contact_depth.abs() / pad.x)
+            + w.cone * candidate.cone_angle.cos();
+        scored.push((score, lever, candidate, world_from_gripper));
+    }
+    scored.sort_by(|a, b| b.0.total_cmp(&a.0));
+
+    let allowed = hand_may_touch(checker.robot(), target);
+    let query = Query {
+        held: None,
+        allowed: &allowed,
+        margins: Margins {
+            world: settings.margin,
+            own: 0.0,
+            spread: settings.spread,
+        },
+    };
+    let mut kept: Vec<Grasp> = Vec::new();
+    for (score, lever, candidate, world_from_gripper) in scored {
+        // A bound on the work in hopeless clutter.
+        if kept.len() >= settings.keep || counters.tried >= 1500 {
+            break;
+        }
+        if kept.iter().any(|g| alike(&g.world_from_gripper, &world_from_gripper)) {
+            continue;
+        }
+        counters.tried += 1;
+        let base_from_gripper = base_from_world * world_from_gripper.iso();
+        let approach = base_from_gripper * Vector3::x();
+        let free = |opening: f64| {
+            [0.0, 0.03, 0.06, settings.standoff].iter().all(|back| {
+                let mut at = base_from_gripper;
+                at.translation.vector -= approach * *back;
+                checker.hand_collision(&at, opening, &query).is_none()
+            })
+        };
+        let narrow = narrow_opening(candidate.width, gripper);
+        let opening = if candidate.fits_wide && free(gripper.opening) {
+            gripper.opening
+        } else if free(narrow) {
+            narrow
+        } else {
+            continue;
+        };
+        counters.free += 1;
+        let clearance = checker.hand_clearance(&base_from_gripper, opening, &query, 0.03);
+        kept.push(Grasp {
+            object_from_gripper: candidate.object_from_gripper,
+            world_from_gripper,
+            width: candidate.width,
+            opening,
+            clearance,
+            lever,
+            contact_share: candidate.contact_share,
+            score: score + w.clearance * clearance / 0.03,
+        });
+    }
+    kept.sort_by(|a, b| b.score.total_cmp(&a.score));
+    (kept, counters)
+}
+
+/// Closer than 8 mm and 12 degrees: if one is out of reach, so is the other.
+fn alike(a: &Pose<World, Gripper>, b: &Pose<World, Gripper>) -> bool {
+    (a.translation() - b.translation()).norm() < 0.008 && a.angle_to(b) < 0.21
+}

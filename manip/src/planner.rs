@@ -1,0 +1,337 @@
+//! The planner of one robot: free paths, timing, and what picking and placing share.
+
+use std::sync::Arc;
+use std::time::Instant;
+
+use grip_sim::robot::{RobotConfig, RobotModel};
+use nalgebra::Vector3;
+use rand_chacha::ChaCha8Rng;
+
+use crate::belief::BeliefScene;
+use crate::cartesian::{CartesianPath, translate};
+use crate::collision::{CollisionChecker, Held, Margins, Query, RobotSolids};
+use crate::edge::EdgeCheck;
+use crate::grasp::GraspCache;
+use crate::ik::IkSolver;
+use crate::plan::{PlanCounters, PlanFailure, PlanStage};
+use crate::rrt::{SearchStatus, Validity, rrt_connect, shortcut};
+use crate::settings::PlannerSettings;
+use crate::smooth::SmoothPath;
+use crate::timing::{MotionLimits, Trajectory, time_path};
+
+/// Plans motions, picks and places of one robot. Immutable but for a cache of grasps, and shared between threads.
+#[derive(Debug)]
+pub struct Planner {
+    pub(crate) robot: Arc<RobotSolids>,
+    pub(crate) config: Arc<RobotConfig>,
+    pub(crate) solver: IkSolver,
+    pub(crate) settings: PlannerSettings,
+    pub(crate) cache: GraspCache,
+}
+
+/// Waypoints of a straight motion used for its timing: every third, 15 mm apart.
+const THIN: usize = 3;
+
+impl Planner {
+    /// Prepares a planner (some 20 ms).
+    pub fn new(
+        model: Arc<RobotModel>,
+        config: Arc<RobotConfig>,
+        settings: PlannerSettings,
+    ) -> Self {
+        let robot = Arc::new(RobotSolids::new(model, &config));
+        Self {
+            solver: IkSolver::new(robot.clone(), &config),
+            cache: GraspCache::default(),
+            robot,
+            config,
+            settings,
+        }
+    }
+
+    /// The robot's solids.
+    pub fn robot(&self) -> &Arc<RobotSolids> {
+        &self.robot
+    }
+
+    /// The inverse kinematics.
+    pub fn solver(&self) -> &IkSolver {
+        &self.solver
+    }
+
+    /// The settings.
+    pub fn settings(&self) -> &PlannerSettings {
+        &self.settings
+    }
+
+    /// A timed free motion from `q_from` to `q_to` (whole configurations; only torso and arm move), with `held` in the
+    /// hand.
+    ///
+    /// A start in collision by belief is first left by a short straight motion.
+    ///
+    /// # Errors
+    /// [`PlanStage::Input`], [`PlanStage::StartInCollision`] or [`PlanStage::NoPath`].
+    pub fn free_path(
+        &self,
+        q_from: &[f64],
+        q_to: &[f64],
+        belief: &BeliefScene,
+        held: Option<&Held>,
+        seed: u64,
+    ) -> Result<Trajectory, PlanFailure> {
+        let clock = Instant::now();
+        let mut counters = PlanCounters::default();
+        self.check_input(belief, &[q_from, q_to])
+            .and_then(|()| {
+                let checker = CollisionChecker::new(self.robot.clone(), belief);
+                let mut rng = grip_sim::rng::stream(seed, "free path");
+                self.search(&checker, held, q_from, &[q_to.to_vec()], &mut counters, &mut rng)
+            })
+            .map_err(|(stage, reason)| {
+                counters.seconds = clock.elapsed().as_secs_f64();
+                PlanFailure {
+                    stage,
+                    object: "free motion".into(),
+                    reason,
+                    counters,
+                }
+            })
+    }
+
+    /// A free motion to the pose for looking or resting, `q_home` (whole configuration; only torso and arm move).
+    ///
+    /// # Errors
+    /// As [`Planner::free_path`].
+    pub fn plan_home(
+        &self,
+        belief: &BeliefScene,
+        q_now: &[f64],
+        q_home: &[f64],
+        seed: u64,
+    ) -> Result<Trajectory, PlanFailure> {
+        self.free_path(q_now, q_home, belief, None, seed)
+    }
+
+    pub(crate) fn check_input(
+        &self,
+        belief: &BeliefScene,
+        configurations: &[&[f64]],
+    ) -> Result<(), (PlanStage, String)> {
+        let problem = belief.problem().or_else(|| {
+            configurations
+                .iter()
+                .find_map(|q| self.robot.model.problem_with(q, 0.02))
+        });
+        match problem {
+            Some(problem) => Err((PlanStage::Input, problem)),
+            None => Ok(()),
+        }
+    }
+
+    /// Whole configuration with every joint within its limits (a measured one may be a hair outside).
+    pub(crate) fn clamped(&self, q: &[f64]) -> Vec<f64> {
+        self.robot
+            .model
+            .joints()
+            .iter()
+            .zip(q)
+            .map(|(joint, v)| joint.limits.clamp(*v))
+            .collect()
+    }
+
+    /// Searches, shortens, rounds and times a path from `q` to one of `goals` (whole configurations).
+    pub(crate) fn search(
+        &self,
+        checker: &CollisionChecker,
+        held: Option<&Held>,
+        q: &[f64],
+        goals: &[Vec<f64>],
+        counters: &mut PlanCounters,
+        rng: &mut ChaCha8Rng,
+    ) -> Result<Trajectory, (PlanStage, String)> {
+        let mut q = self.clamped(q);
+        let mut head: Vec<Vec<f64>> = vec![self.solver.gather(&q)];
+        let (margins, escape) = self.leave_start(checker, held, &q)?;
+        if let Some(escape) = escape {
+            head.extend(escape.waypoints[1..].iter().map(|w| self.solver.gather(w)));
+            q = escape.end().to_vec();
+        }
+        let space = self.solver.space(held.map_or(0.0, |h| h.extent));
+        let query = Query {
+            held,
+            allowed: &[],
+            margins,
+        };
+        let edges = EdgeCheck::new(checker, query, &space, &self.solver, &q)
+            .with_step(2.0 * self.settings.free.world);
+        let start = self.solver.gather(&q);
+        let goals: Vec<Vec<f64>> = goals.iter().map(|g| self.solver.gather(g)).collect();
+        let found = rrt_connect(&space, &edges, &start, &goals, &self.settings.rrt, rng);
+        counters.searches += 1;
+        counters.iterations += found.iterations;
+        let result = match found.status {
+            SearchStatus::Solved => {
+                let path = shortcut(&space, &edges, &found.path, &self.settings.rrt, rng);
+                let share = if held.is_some() { self.settings.holding } else { 1.0 };
+                let limits = self.limits().scaled(share, share);
+                // The way out of a tight start is left as it is; the rest is rounded.
+                let escaped = head.len();
+                let mut points = head;
+                points.extend_from_slice(&path[1..]);
+                let rounded = SmoothPath::round(&points, self.settings.corner, &[], |a, b| {
+                    escaped > 1 || edges.motion_free(a, b)
+                });
+                Ok(time_path(
+                    self.solver.joints(),
+                    &points[0],
+                    &rounded,
+                    &limits,
+                    self.settings.dt,
+                ))
+            }
+            SearchStatus::InvalidStart => Err((
+                PlanStage::StartInCollision,
+                self.explain(checker, &q, &query, "the start"),
+            )),
+            SearchStatus::InvalidGoal => {
+                let mut goal = q.clone();
+                if let Some(first) = goals.first() {
+                    self.solver.scatter(first, &mut goal);
+                }
+                Err((
+                    PlanStage::NoPath,
+                    self.explain(checker, &goal, &query, "the goal"),
+                ))
+            }
+            SearchStatus::Exhausted => Err((
+                PlanStage::NoPath,
+                format!(
+                    "no path within {} iterations and {} nodes",
+                    found.iterations, found.nodes
+                ),
+            )),
+        };
+        counters.checks += edges.checks();
+        result
+    }
+
+    fn explain(&self, checker: &CollisionChecker, q: &[f64], query: &Query<'_>, what: &str) -> String {
+        match checker.in_collision(q, query) {
+            Some(pair) => format!("{what} is in collision: {}", checker.describe(pair)),
+            None => format!("{what} is outside the joint limits"),
+        }
+    }
+
+    /// The margins to search with, and a straight way out when the start is too close to something.
+    fn leave_start(
+        &self,
+        checker: &CollisionChecker,
+        held: Option<&Held>,
+        q: &[f64],
+    ) -> Result<(Margins, Option<CartesianPath>), (PlanStage, String)> {
+        let mut margins = self.settings.free;
+        let collisions = |margins: Margins| {
+            checker.collisions(
+                q,
+                &Query {
+                    held,
+                    allowed: &[],
+                    margins,
+                },
+            )
+        };
+        let mut close = collisions(margins);
+        if close.is_empty() {
+            return Ok((margins, None));
+        }
+        // Links that are close to each other in this pose: without the margin between links.
+        margins.own = 0.0;
+        close = collisions(margins);
+        if close.is_empty() {
+            return Ok((margins, None));
+        }
+        let gripper = self.robot.model.fk_link(q, self.robot.gripper);
+        let back = gripper.rotation * -Vector3::x();
+        let query = Query {
+            held,
+            allowed: &close,
+            margins: self.settings.near,
+        };
+        let clear = Query {
+            held,
+            allowed: &[],
+            margins,
+        };
+        for way in [Vector3::z() * 0.05, back * 0.05, Vector3::z() * 0.12, back * 0.12] {
+            let path = translate(&self.solver, q, way, |_, q| checker.in_collision(q, &query));
+            if let Ok(path) = path
+                && checker.in_collision(path.end(), &clear).is_none()
+            {
+                return Ok((margins, Some(path)));
+            }
+        }
+        // Not free, but not in contact either: go on with what room there is.
+        margins.world = 0.0;
+        margins.spread = 0.0;
+        match collisions(margins).first() {
+            None => Ok((margins, None)),
+            Some(pair) => Err((
+                PlanStage::StartInCollision,
+                format!(
+                    "the robot is in collision where it stands: {}",
+                    checker.describe(*pair)
+                ),
+            )),
+        }
+    }
+
+    /// The group's limits times the shares that are used.
+    pub(crate) fn limits(&self) -> MotionLimits {
+        let of = |f: fn(&grip_sim::robot::PlanningLimits) -> f64| {
+            self.solver
+                .joints()
+                .iter()
+                .map(|&j| f(&self.config.limits[j]))
+                .collect()
+        };
+        let [velocity, acceleration] = self.settings.effort;
+        MotionLimits {
+            velocity: of(|l| l.velocity),
+            acceleration: of(|l| l.acceleration),
+        }
+        .scaled(velocity, acceleration)
+    }
+
+    /// Times a straight motion so that the gripper keeps below `speed` m/s.
+    pub(crate) fn time_straight(&self, path: &CartesianPath, speed: f64, holding: bool) -> Trajectory {
+        let last = path.waypoints.len() - 1;
+        let kept: Vec<usize> = (0..last).step_by(THIN).chain([last]).collect();
+        let points: Vec<Vec<f64>> = kept
+            .iter()
+            .map(|&i| self.solver.gather(&path.waypoints[i]))
+            .collect();
+        let rates: Vec<f64> = kept
+            .windows(2)
+            .zip(points.windows(2))
+            .map(|(k, p)| {
+                let joint: f64 = p[0].iter().zip(&p[1]).map(|(a, b)| (b - a).powi(2)).sum();
+                let tool = path.step * (k[1] - k[0]) as f64;
+                if tool > 1e-9 {
+                    speed * joint.sqrt() / tool
+                } else {
+                    f64::INFINITY
+                }
+            })
+            .collect();
+        let share = if holding { self.settings.holding } else { 1.0 };
+        let limits = self.limits().scaled(share, share);
+        let rounded = SmoothPath::round(&points, 0.01, &rates, |_, _| true);
+        time_path(
+            self.solver.joints(),
+            &points[0],
+            &rounded,
+            &limits,
+            self.settings.dt,
+        )
+    }
+}

@@ -1,0 +1,402 @@
+//! RRT-Connect (Kuffner and LaValle 2000) in the joint space of a group, and shortcutting of its paths.
+//!
+//! The planner knows nothing about robots: it gets a [`JointSpace`] and two predicates. What it returns is data: a
+//! status, what it cost and, when solved, a path whose joints that wrap are unwrapped from the start on.
+
+use std::time::Instant;
+
+use rand::{Rng, RngExt};
+
+use crate::space::JointSpace;
+
+/// What may be asked of a configuration and of the straight motion between two.
+pub trait Validity {
+    /// The configuration is free.
+    fn free(&self, q: &[f64]) -> bool;
+    /// Every configuration on the straight way from `a` to `b` is free; `a` is known to be.
+    fn motion_free(&self, a: &[f64], b: &[f64]) -> bool;
+}
+
+/// Settings of [`rrt_connect`] and [`shortcut`].
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct RrtSettings {
+    /// Longest edge, metres of [`JointSpace::distance`]. Default 0.5: some ten edges across the work space.
+    pub step: f64,
+    /// Give up after this many extensions. Default 4000.
+    pub max_iterations: usize,
+    /// Shortcut attempts on a path that was found. Default 60.
+    pub shortcuts: usize,
+}
+
+impl Default for RrtSettings {
+    fn default() -> Self {
+        Self {
+            step: 0.5,
+            max_iterations: 4000,
+            shortcuts: 60,
+        }
+    }
+}
+
+/// How a search ended.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
+pub enum SearchStatus {
+    /// A path was found.
+    Solved,
+    /// The start is not free or outside the limits.
+    InvalidStart,
+    /// No goal is free and within the limits.
+    InvalidGoal,
+    /// The iterations ran out.
+    Exhausted,
+}
+
+/// The outcome of a search.
+#[derive(Debug, Clone)]
+pub struct PathSearch {
+    /// How it ended.
+    pub status: SearchStatus,
+    /// Extensions made; 0 when the straight way was free.
+    pub iterations: usize,
+    /// Nodes of both trees.
+    pub nodes: usize,
+    /// Wall time, seconds; the only figure here that differs between runs.
+    pub seconds: f64,
+    /// Index of the goal reached.
+    pub goal: usize,
+    /// The configurations from start to goal; empty unless solved.
+    pub path: Vec<Vec<f64>>,
+}
+
+struct Tree {
+    nodes: Vec<Vec<f64>>,
+    parents: Vec<usize>,
+}
+
+impl Tree {
+    fn rooted(roots: Vec<Vec<f64>>) -> Self {
+        let parents = (0..roots.len()).collect();
+        Self {
+            nodes: roots,
+            parents,
+        }
+    }
+
+    fn nearest(&self, space: &JointSpace, q: &[f64]) -> usize {
+        let mut best = (f64::INFINITY, 0);
+        for (i, node) in self.nodes.iter().enumerate() {
+            let d = space.distance(node, q);
+            if d < best.0 {
+                best = (d, i);
+            }
+        }
+        best.1
+    }
+
+    fn add(&mut self, q: Vec<f64>, parent: usize) -> usize {
+        self.nodes.push(q);
+        self.parents.push(parent);
+        self.nodes.len() - 1
+    }
+
+    /// From the node to its root.
+    fn trace(&self, mut node: usize) -> Vec<Vec<f64>> {
+        let mut path = vec![self.nodes[node].clone()];
+        while self.parents[node] != node {
+            node = self.parents[node];
+            path.push(self.nodes[node].clone());
+        }
+        path
+    }
+
+    fn root(&self, mut node: usize) -> usize {
+        while self.parents[node] != node {
+            node = self.parents[node];
+        }
+        node
+    }
+}
+
+/// Searches a path from `start` to any of `goals`.
+pub fn rrt_connect(
+    space: &JointSpace,
+    validity: &impl Validity,
+    start: &[f64],
+    goals: &[Vec<f64>],
+    settings: &RrtSettings,
+    rng: &mut impl Rng,
+) -> PathSearch {
+    let clock = Instant::now();
+    let done = |status, iterations, nodes, goal, path| PathSearch {
+        status,
+        iterations,
+        nodes,
+        seconds: clock.elapsed().as_secs_f64(),
+        goal,
+        path,
+    };
+    if !space.within_limits(start) || !validity.free(start) {
+        return done(SearchStatus::InvalidStart, 0, 0, 0, Vec::new());
+    }
+    let (indices, roots): (Vec<usize>, Vec<Vec<f64>>) = goals
+        .iter()
+        .enumerate()
+        .filter(|(_, goal)| space.within_limits(goal) && validity.free(goal))
+        .map(|(i, goal)| (i, goal.clone()))
+        .unzip();
+    if roots.is_empty() {
+        return done(SearchStatus::InvalidGoal, 0, 0, 0, Vec::new());
+    }
+    // Most motions over a table are free as the crow flies: the nearest goals first.
+    let mut order: Vec<usize> = (0..roots.len()).collect();
+    order.sort_by(|&a, &b| {
+        space
+            .distance(start, &roots[a])
+            .total_cmp(&space.distance(start, &roots[b]))
+    });
+    for &i in order.iter().take(3) {
+        if validity.motion_free(start, &roots[i]) {
+            let end = space.unwrap_near(start, &roots[i]);
+            return done(
+                SearchStatus::Solved,
+                0,
+                2,
+                indices[i],
+                vec![start.to_vec(), end],
+            );
+        }
+    }
+
+    let mut trees = [Tree::rooted(vec![start.to_vec()]), Tree::rooted(roots)];
+    for iteration in 1..=settings.max_iterations {
+        // The trees take turns: tree `a` grows towards a random sample, tree `b` towards the new node of `a`.
+        let (a, b) = ((iteration + 1) % 2, iteration % 2);
+        let sample = space.sample(rng);
+        let near = trees[a].nearest(space, &sample);
+        let Some(new) = extend(space, validity, &trees[a].nodes[near], &sample, settings) else {
+            continue;
+        };
+        let new = trees[a].add(new, near);
+        let target = trees[a].nodes[new].clone();
+        let mut tip = trees[b].nearest(space, &target);
+        loop {
+            let from = &trees[b].nodes[tip];
+            let arrived = space.distance(from, &target) <= settings.step;
+            let Some(q) = extend(space, validity, from, &target, settings) else {
+                break;
+            };
+            tip = trees[b].add(q, tip);
+            if arrived {
+                let (from_start, from_goal) = if a == 0 { (new, tip) } else { (tip, new) };
+                let mut path = trees[0].trace(from_start);
+                path.reverse();
+                path.extend(trees[1].trace(from_goal));
+                for i in 1..path.len() {
+                    path[i] = space.unwrap_near(&path[i - 1], &path[i]);
+                }
+                // Both trees hold the meeting point.
+                path.dedup_by(|b, a| space.distance(a, b) < 1e-12);
+                let nodes = trees[0].nodes.len() + trees[1].nodes.len();
+                let goal = indices[trees[1].root(from_goal)];
+                return done(SearchStatus::Solved, iteration, nodes, goal, path);
+            }
+        }
+    }
+    let nodes = trees[0].nodes.len() + trees[1].nodes.len();
+    done(
+        SearchStatus::Exhausted,
+        settings.max_iterations,
+        nodes,
+        0,
+        Vec::new(),
+    )
+}
+
+/// One edge of at most `settings.step` from `from` towards `to`, if it is free.
+fn extend(
+    space: &JointSpace,
+    validity: &impl Validity,
+    from: &[f64],
+    to: &[f64],
+    settings: &RrtSettings,
+) -> Option<Vec<f64>> {
+    let distance = space.distance(from, to);
+    if distance < 1e-9 {
+        return None;
+    }
+    let q = space.interpolate(from, to, (settings.step / distance).min(1.0));
+    validity.motion_free(from, &q).then_some(q)
+}
+
+/// Replaces stretches of a path by straight motions where those are free and shorter, and drops waypoints between
+/// which the straight way is free.
+pub fn shortcut(
+    space: &JointSpace,
+    validity: &impl Validity,
+    path: &[Vec<f64>],
+    settings: &RrtSettings,
+    rng: &mut impl Rng,
+) -> Vec<Vec<f64>> {
+    let mut path = prune(space, validity, path);
+    for _ in 0..settings.shortcuts {
+        if path.len() < 3 {
+            break;
+        }
+        let lengths: Vec<f64> = path
+            .windows(2)
+            .map(|w| space.distance(&w[0], &w[1]))
+            .collect();
+        let total: f64 = lengths.iter().sum();
+        let (mut s, mut t) = (total * rng.random::<f64>(), total * rng.random::<f64>());
+        if s > t {
+            std::mem::swap(&mut s, &mut t);
+        }
+        let (i, a) = locate(space, &path, &lengths, s);
+        let (j, b) = locate(space, &path, &lengths, t);
+        if i == j {
+            continue;
+        }
+        let old = t - s;
+        if space.distance(&a, &b) > 0.99 * old || !validity.motion_free(&a, &b) {
+            continue;
+        }
+        // Unwrapped copies stay consistent: a and b lie on the path, which is unwrapped as a whole, and a short
+        // way round that differs from the path's own shifts everything after it by whole turns.
+        let mut next: Vec<Vec<f64>> = path[..=i].to_vec();
+        next.push(a);
+        next.push(b);
+        next.extend_from_slice(&path[j + 1..]);
+        for k in 1..next.len() {
+            next[k] = space.unwrap_near(&next[k - 1], &next[k]);
+        }
+        next.dedup_by(|b, a| space.distance(a, b) < 1e-9);
+        path = next;
+    }
+    prune(space, validity, &path)
+}
+
+/// The segment and the configuration at arc length `s`.
+fn locate(space: &JointSpace, path: &[Vec<f64>], lengths: &[f64], s: f64) -> (usize, Vec<f64>) {
+    let mut rest = s;
+    for (i, &length) in lengths.iter().enumerate() {
+        if rest <= length || i + 1 == lengths.len() {
+            let t = if length > 0.0 {
+                (rest / length).clamp(0.0, 1.0)
+            } else {
+                0.0
+            };
+            return (i, space.interpolate(&path[i], &path[i + 1], t));
+        }
+        rest -= length;
+    }
+    (0, path[0].clone())
+}
+
+/// Greedy: from each kept waypoint on to the farthest one that can be reached straight.
+fn prune(space: &JointSpace, validity: &impl Validity, path: &[Vec<f64>]) -> Vec<Vec<f64>> {
+    if path.len() < 3 {
+        return path.to_vec();
+    }
+    let mut kept = vec![path[0].clone()];
+    let mut i = 0;
+    while i + 1 < path.len() {
+        let mut j = path.len() - 1;
+        while j > i + 1 && !validity.motion_free(&path[i], &path[j]) {
+            j -= 1;
+        }
+        let last = kept.len() - 1;
+        kept.push(space.unwrap_near(&kept[last], &path[j]));
+        i = j;
+    }
+    kept
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::space::Axis;
+    use grip_sim::rng::stream;
+
+    /// A plane with a wall at x in (0.4, 0.6) that is open for y > 0.8 only.
+    struct Wall;
+    impl Validity for Wall {
+        fn free(&self, q: &[f64]) -> bool {
+            !(q[0] > 0.4 && q[0] < 0.6 && q[1] < 0.8)
+        }
+        fn motion_free(&self, a: &[f64], b: &[f64]) -> bool {
+            (0..=200).all(|i| {
+                let t = f64::from(i) / 200.0;
+                self.free(&[a[0] + (b[0] - a[0]) * t, a[1] + (b[1] - a[1]) * t])
+            })
+        }
+    }
+
+    fn plane() -> JointSpace {
+        let axis = Axis {
+            lower: 0.0,
+            upper: 1.0,
+            wraps: false,
+            reach: 1.0,
+        };
+        JointSpace::new(vec![axis, axis])
+    }
+
+    fn solve(seed: u64) -> PathSearch {
+        let settings = RrtSettings {
+            step: 0.1,
+            ..Default::default()
+        };
+        let mut rng = stream(seed, "rrt");
+        let goals = [vec![0.5, 0.1], vec![0.9, 0.1]];
+        let mut search = rrt_connect(&plane(), &Wall, &[0.1, 0.1], &goals, &settings, &mut rng);
+        search.path = shortcut(&plane(), &Wall, &search.path, &settings, &mut rng);
+        search
+    }
+
+    #[test]
+    fn goes_round_a_wall_and_names_the_free_goal() {
+        for seed in 0..20 {
+            let search = solve(seed);
+            assert_eq!(search.status, SearchStatus::Solved);
+            assert_eq!(search.goal, 1, "goal 0 is inside the wall");
+            assert_eq!(search.path[0], [0.1, 0.1]);
+            assert_eq!(search.path[search.path.len() - 1], [0.9, 0.1]);
+            for w in search.path.windows(2) {
+                assert!(Wall.motion_free(&w[0], &w[1]));
+            }
+            let length: f64 = search
+                .path
+                .windows(2)
+                .map(|w| plane().distance(&w[0], &w[1]))
+                .sum();
+            // Taut string over (0.4, 0.8) and (0.6, 0.8): 1.723.
+            assert!(length > 1.72 && length < 2.3, "length {length}");
+        }
+    }
+
+    #[test]
+    fn same_seed_same_path() {
+        assert_eq!(solve(3).path, solve(3).path);
+        assert_ne!(solve(3).path, solve(4).path);
+    }
+
+    #[test]
+    fn says_why_it_failed() {
+        let settings = RrtSettings::default();
+        let run = |start: [f64; 2], goal: [f64; 2]| {
+            let mut rng = stream(0, "rrt");
+            rrt_connect(
+                &plane(),
+                &Wall,
+                &start,
+                &[goal.to_vec()],
+                &settings,
+                &mut rng,
+            )
+            .status
+        };
+        assert_eq!(run([0.5, 0.1], [0.9, 0.1]), SearchStatus::InvalidStart);
+        assert_eq!(run([0.1, 0.1], [0.5, 0.1]), SearchStatus::InvalidGoal);
+        assert_eq!(run([f64::NAN, 0.1], [0.9, 0.1]), SearchStatus::InvalidStart);
+    }
+}
