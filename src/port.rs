@@ -1,14 +1,96 @@
-//! The robot port over the physics world: the only door through which the executor moves the robot.
+//! The robot port over the physics world: the only door through which the executor moves the robot, and the score's
+//! window on what happens meanwhile.
 
-use grip_manip::executor::{ControlTarget, GripperCommand, ProtectiveStop, RobotPort};
+use std::cell::RefCell;
+
+use grip_manip::executor::{ControlTarget, Observer, ProtectiveStop, RobotPort, StepReport};
+use grip_manip::{GripperCommand, StepName};
 use grip_sim::physics::{Grip, STEP_HZ, World};
 
 use crate::score::Watch;
 
-/// Drives the world and lets the score watch.
-pub struct WorldPort<'a> {
+/// A world that the port moves and the observer looks at in turn.
+pub type SharedWorld<'a> = RefCell<&'a mut World>;
+
+/// Drives the world's robot.
+pub struct WorldPort<'a, 'w> {
+    world: &'a SharedWorld<'w>,
+    /// What the gripper was told last, for [`GripperCommand::Hold`].
+    grip: Grip,
+}
+
+impl<'a, 'w> WorldPort<'a, 'w> {
+    /// A port; a protective stop of before is cleared, as an operator would.
+    pub fn new(world: &'a SharedWorld<'w>) -> Self {
+        let grip = {
+            let mut world = world.borrow_mut();
+            world.clear_stop();
+            world.hold().1
+        };
+        Self { world, grip }
+    }
+}
+
+impl RobotPort for WorldPort<'_, '_> {
+    fn time(&self) -> f64 {
+        self.world.borrow().time()
+    }
+
+    fn period(&self) -> f64 {
+        1.0 / f64::from(STEP_HZ)
+    }
+
+    fn joints(&self) -> Vec<f64> {
+        self.world.borrow().joints().to_vec()
+    }
+
+    fn fingers(&self) -> [f64; 2] {
+        self.world.borrow().finger_positions()
+    }
+
+    fn grip_force(&self) -> f64 {
+        self.world.borrow().grip_force()
+    }
+
+    fn contact_force(&self) -> f64 {
+        self.world.borrow().contact_force()
+    }
+
+    fn step(&mut self, target: &ControlTarget<'_>) -> Result<(), ProtectiveStop> {
+        self.grip = match target.gripper {
+            GripperCommand::Open { width } => Grip::Open { width },
+            GripperCommand::Close { force_n } => Grip::Close { force_n },
+            GripperCommand::Hold => self.grip,
+        };
+        let mut world = self.world.borrow_mut();
+        world.step(target.joints, self.grip);
+        match world.stop() {
+            Some(stop) => Err(ProtectiveStop { reason: stop.to_string() }),
+            None => Ok(()),
+        }
+    }
+}
+
+/// Lets a [`Watch`] look at the world after every control period.
+pub struct Watcher<'a, 'w> {
     /// The world.
-    pub world: &'a mut World,
-    /// Who watches the attempt; `None` on the way to a look.
-    pub watch: Option<&'a mut Watch>,
+    pub world: &'a SharedWorld<'w>,
+    /// Who watches.
+    pub watch: Watch,
+}
+
+impl Observer for Watcher<'_, '_> {
+    fn tick(&mut self, step: StepName, _time: f64) {
+        if matches!(step, StepName::Lift | StepName::Carry) {
+            self.watch.held(&self.world.borrow());
+        }
+    }
+
+    fn step_done(&mut self, report: &StepReport) {
+        match report.name {
+            StepName::Close => self.watch.closed(&self.world.borrow()),
+            StepName::Carry => self.watch.carried(&self.world.borrow()),
+            _ => {}
+        }
+    }
 }

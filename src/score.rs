@@ -10,7 +10,7 @@ use grip_sim::pose::{Camera, Object, Pose};
 use grip_sim::scene::Scene;
 use nalgebra::{Isometry3, Point3};
 
-use crate::outcome::{Clauses, Stage};
+use crate::outcome::Clauses;
 
 /// A finger counts as pressing from this force on, newtons.
 const PRESSING_N: f64 = 1.0;
@@ -23,15 +23,16 @@ const FALLEN_M: f64 = 0.05;
 #[derive(Debug, Clone)]
 pub struct Watch {
     object: usize,
-    stage: Stage,
-    start_lowest: f64,
-    pub clauses: Clauses,
-    /// Gripper from object when the lift began, for slip.
-    held_at: Option<Isometry3<f64>>,
-    pub slip_m: Option<f64>,
-    /// Whether the fingers ever pinched another object than the target.
-    pub wrong_object: Option<usize>,
     gripper_link: usize,
+    start_lowest: f64,
+    /// The clauses of success that concern the way of the object.
+    pub clauses: Clauses,
+    /// Gripper from object when the fingers had closed, for slip.
+    held_at: Option<Isometry3<f64>>,
+    /// Farthest that the object's origin moved in the hand while it was pinched, metres.
+    pub slip_m: Option<f64>,
+    /// Another object that the fingers pinched.
+    pub wrong_object: Option<usize>,
 }
 
 impl Watch {
@@ -39,45 +40,39 @@ impl Watch {
     pub fn begin(world: &World, object: usize, gripper_link: usize) -> Self {
         Self {
             object,
-            stage: Stage::Approach,
+            gripper_link,
             start_lowest: world.lowest_point(object),
             clauses: Clauses::default(),
             held_at: None,
             slip_m: None,
             wrong_object: None,
-            gripper_link,
         }
     }
 
-    /// The executor enters a stage; called before its first step.
-    pub fn enter(&mut self, world: &World, stage: Stage) {
-        let contacts = world.contacts(self.object);
-        if self.stage == Stage::Grasp && stage > Stage::Grasp {
-            self.clauses.opposing_contacts = contacts.pinched(PRESSING_N);
-            self.held_at = Some(self.gripper_from_object(world));
-            self.wrong_object = (0..world.object_count())
-                .find(|&other| other != self.object && world.contacts(other).pinched(PRESSING_N));
-        }
-        if self.stage == Stage::Carry && stage > Stage::Carry {
-            self.clauses.held_after_carry = contacts.pinched(PRESSING_N) && self.is_clear(world);
-        }
-        self.stage = stage;
+    /// The fingers have closed; the lift begins.
+    pub fn closed(&mut self, world: &World) {
+        self.clauses.opposing_contacts = world.contacts(self.object).pinched(PRESSING_N);
+        self.held_at = Some(self.gripper_from_object(world));
+        self.wrong_object = (0..world.object_count())
+            .find(|&other| other != self.object && world.contacts(other).pinched(PRESSING_N));
     }
 
-    /// Looks at the world after a physics step.
-    pub fn observe(&mut self, world: &World) {
-        if !matches!(self.stage, Stage::Lift | Stage::Carry) {
+    /// A step of lifting or carrying is done.
+    pub fn held(&mut self, world: &World) {
+        if !world.contacts(self.object).pinched(PRESSING_N) {
             return;
         }
-        let contacts = world.contacts(self.object);
-        if contacts.pinched(PRESSING_N) {
-            if let Some(held_at) = self.held_at {
-                let moved = (held_at.inverse() * self.gripper_from_object(world)).translation.vector.norm();
-                self.slip_m = Some(self.slip_m.unwrap_or(0.0).max(moved));
-            }
-            let risen = world.lowest_point(self.object) - self.start_lowest;
-            self.clauses.lifted_clear |= risen >= LIFT_M && self.is_clear(world);
+        if let Some(held_at) = self.held_at {
+            let moved = (held_at.inverse() * self.gripper_from_object(world)).translation.vector.norm();
+            self.slip_m = Some(self.slip_m.unwrap_or(0.0).max(moved));
         }
+        let risen = world.lowest_point(self.object) - self.start_lowest;
+        self.clauses.lifted_clear |= risen >= LIFT_M && self.is_clear(world);
+    }
+
+    /// The carry is over.
+    pub fn carried(&mut self, world: &World) {
+        self.clauses.held_after_carry = world.contacts(self.object).pinched(PRESSING_N) && self.is_clear(world);
     }
 
     /// Whether the object touches nothing but the hand.

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use anyhow::{Context, Result};
-use grip_manip::{BeliefScene, BinGeometry};
+use grip_manip::{BeliefScene, BinGeometry, Planner, PlannerSettings};
 use grip_perception::{ClusterSettings, Clusters, GripEstimator, GripSettings, Workspace};
 use grip_sim::camera::Intrinsics;
 use grip_sim::condition::Condition;
@@ -176,6 +176,11 @@ impl Setup {
     pub fn grip(&self) -> Result<GripEstimator> {
         let settings = GripSettings { workspace: Some(self.workspace()), ..GripSettings::default() };
         Ok(GripEstimator::new(settings)?)
+    }
+
+    /// The planner for this robot.
+    pub fn planner(&self) -> Planner {
+        Planner::new(self.robot.clone(), self.config.clone(), PlannerSettings::default())
     }
 
     /// The camera's pose by forward kinematics of the measured joints.

@@ -5,7 +5,8 @@
 use std::time::Instant;
 
 use anyhow::{Context, Result};
-use grip_manip::{BeliefScene, BelievedObject, BinGeometry, ExecStage, ExecutionReport, PlanStage, Planner};
+use grip_manip::executor::{ExecStage, ExecutionReport, ExecutorSettings, execute, execute_motion};
+use grip_manip::{BeliefScene, BelievedObject, PickPlacePlan, PlanStage, Planner, pick_order};
 use grip_perception::{Detector, PoseEstimator, PosePosterior, WholeImage};
 use grip_sim::frame::CameraFrame;
 use grip_sim::physics::World;
@@ -16,7 +17,7 @@ use indicatif::ProgressBar;
 use crate::cli;
 use crate::outcome::{Clauses, ItemResult, Outcome, Stage, TRIAL_SCHEMA, TrialResult};
 use crate::pictures;
-use crate::port::WorldPort;
+use crate::port::{SharedWorld, Watcher, WorldPort};
 use crate::report::LookPictures;
 use crate::score::{self, Watch};
 use crate::setup::Setup;
@@ -99,7 +100,7 @@ pub fn run(setup: &Setup, spec: Spec, renderer: &mut dyn Renderer, progress: &Pr
         cli::Detector::None => Box::new(WholeImage),
     };
     let grip = setup.grip()?;
-    let planner = setup.planner()?;
+    let planner = setup.planner();
     let mut ledgers = vec![Ledger::default(); setup.models.len()];
     let mut looks = Vec::new();
     let mut before = Vec::new();
@@ -135,7 +136,7 @@ pub fn run(setup: &Setup, spec: Spec, renderer: &mut dyn Renderer, progress: &Pr
 
         // Believe, and plan for the first open object that can be packed.
         let (belief, belief_index) = believe(setup, &frame, &out, &posteriors, &ledgers);
-        let order: Vec<usize> = planner.pick_order(&belief).into_iter().filter(|&b| open.contains(&belief_index[b])).collect();
+        let order: Vec<usize> = pick_order(&belief).into_iter().filter(|&b| open.contains(&belief_index[b])).collect();
         for &i in &open {
             if !order.iter().any(|&b| belief_index[b] == i) {
                 let confidence = out.iter().position(|&o| o == i).map_or(0.0, |p| posteriors[p].confidence);
@@ -156,8 +157,10 @@ pub fn run(setup: &Setup, spec: Spec, renderer: &mut dyn Renderer, progress: &Pr
                 }
                 Err(failure) => {
                     let outcome = match failure.stage {
-                        PlanStage::NoPlacePose => Outcome::NoPlace,
-                        PlanStage::NoGrasp | PlanStage::NoIk => Outcome::NoGrasp,
+                        PlanStage::NoPlacePose | PlanStage::NoPlaceIk => Outcome::NoPlace,
+                        PlanStage::NoGrasp | PlanStage::NoIk | PlanStage::NoApproach | PlanStage::NoLift => {
+                            Outcome::NoGrasp
+                        }
                         _ => Outcome::NoPath,
                     };
                     ledgers[i].fail(outcome, Stage::Plan, failure.to_string());
@@ -179,8 +182,7 @@ pub fn run(setup: &Setup, spec: Spec, renderer: &mut dyn Renderer, progress: &Pr
         progress.set_message(format!("look {}: packing {}", look + 1, setup.models[i].info.name));
         let whereabouts = score::whereabouts(&world, &setup.scene);
         world.reset_peaks();
-        let mut watch = Watch::begin(&world, i, setup.config.gripper.link);
-        let report = WorldPort::new(&mut world, Some(&mut watch)).execute(&plan, &planner)?;
+        let (report, watch) = act(setup, &mut world, i, &plan);
         let ledger = &mut ledgers[i];
         ledger.attempts += 1;
         ledger.clauses = watch.clauses;
@@ -189,11 +191,12 @@ pub fn run(setup: &Setup, spec: Spec, renderer: &mut dyn Renderer, progress: &Pr
         ledger.failure = None;
         match failure_of(&report, &watch) {
             Some((outcome, stage, reason)) => ledger.fail(outcome, stage, reason),
-            None => ledger.believed_packed = Some(plan.world_from_object_placed()),
+            None => ledger.believed_packed = Some(plan.world_from_object_released),
         }
 
         // Back to where the camera sees the table, then count what was knocked out.
-        go_home(setup, &mut world, &planner, &belief, look)?;
+        let known = Held { object: i, released: ledgers[i].believed_packed };
+        go_home(setup, &mut world, &planner, belief, &belief_index, known, look);
         let after = score::whereabouts(&world, &setup.scene);
         let lost = score::knocked_out(&whereabouts, &after, i);
         ledgers[i].clauses.nothing_knocked_out = lost.is_empty();
@@ -223,6 +226,61 @@ pub fn run(setup: &Setup, spec: Spec, renderer: &mut dyn Renderer, progress: &Pr
         state_hash: world.state_hash(),
     };
     Ok(Trial { result, looks, before, after: pictures::rgb_png(&frame.rgb)? })
+}
+
+/// Carries out a plan for object `i` with the score watching.
+fn act(setup: &Setup, world: &mut World, i: usize, plan: &PickPlacePlan) -> (ExecutionReport, Watch) {
+    let watch = Watch::begin(world, i, setup.config.gripper.link);
+    let shared = SharedWorld::new(world);
+    let mut watcher = Watcher { world: &shared, watch };
+    let report = execute(&mut WorldPort::new(&shared), plan, &ExecutorSettings::default(), &mut watcher);
+    for step in &report.steps {
+        log::debug!("{:?}: {:.2} s, {:.0} N", step.name, step.end_s - step.begin_s, step.peak_contact_n);
+    }
+    (report, watcher.watch)
+}
+
+/// Where the object that was handled is believed to be now.
+struct Held {
+    object: usize,
+    released: Option<Pose<grip_sim::pose::World, grip_sim::pose::Object>>,
+}
+
+/// Moves the arm back to where the camera sees the table. When no path is found, or the way is blocked, the robot stays
+/// and the next look has to do with what it sees.
+fn go_home(
+    setup: &Setup,
+    world: &mut World,
+    planner: &Planner,
+    mut belief: BeliefScene,
+    index: &[usize],
+    held: Held,
+    look: usize,
+) {
+    // The handled object is where it was put, or nobody knows where.
+    if let Some(at) = index.iter().position(|&i| i == held.object) {
+        match held.released {
+            Some(pose) => {
+                belief.objects[at].world_from_object = pose;
+                belief.objects[at].packed = true;
+            }
+            None => {
+                belief.objects.remove(at);
+            }
+        }
+    }
+    let seed = setup.stream(&format!("home/{look}"));
+    match planner.plan_home(&belief, world.joints(), &setup.start, seed) {
+        Ok(trajectory) => {
+            let shared = SharedWorld::new(world);
+            let mut port = WorldPort::new(&shared);
+            let report = execute_motion(&mut port, &trajectory, &ExecutorSettings::default(), &mut ());
+            if let Some((_, reason)) = report.failure() {
+                log::info!("on the way home: {reason}");
+            }
+        }
+        Err(failure) => log::info!("no way home: {failure}"),
+    }
 }
 
 /// Runs both stages on a frame for the objects `which`.
