@@ -23,12 +23,7 @@ struct Section {
 }
 
 fn section(at: f64, center: [f64; 2], half: [f64; 2], exponent: f64) -> Section {
-    Section {
-        at,
-        center,
-        half,
-        exponent,
-    }
+    Section { at, center, half, exponent }
 }
 
 /// Points of a section between two angles (turns), `count` intervals.
@@ -174,12 +169,7 @@ fn flex_link(end: f64, radius: f64) -> Mesh {
             section(-0.02, [half, 0.0], [half - 0.002, 0.045], 3.0),
             section(0.012, [half, 0.0], [half, 0.055], 3.0),
             section(0.035, [0.8 * half, 0.0], [0.036, 0.053], 3.0),
-            section(
-                0.5 * (0.045 + end),
-                [0.0, 0.0],
-                [0.93 * radius, 0.93 * radius],
-                2.2,
-            ),
+            section(0.5 * (0.045 + end), [0.0, 0.0], [0.93 * radius, 0.93 * radius], 2.2),
             section(end - 0.008, [0.0, 0.0], [radius, radius], 2.0),
             section(end, [0.0, 0.0], [radius - 0.003, radius - 0.003], 2.0),
         ],
@@ -226,30 +216,16 @@ fn shells() -> Vec<(&'static str, Mesh)> {
     let bellows: Vec<Section> = (0..=28)
         .map(|i| {
             let inset = if i % 2 == 0 { 0.0 } else { 0.012 };
-            section(
-                -0.02 + 0.44 * f64::from(i) / 28.0,
-                [-0.075, 0.0],
-                [0.092 - inset, 0.15 - inset],
-                8.0,
-            )
+            section(-0.02 + 0.44 * f64::from(i) / 28.0, [-0.075, 0.0], [0.092 - inset, 0.15 - inset], 8.0)
         })
         .collect();
     vec![
         ("base_shell", loft(2, &base_sections(0.0, &drum))),
         (
             "base_front",
-            panel(
-                &base_sections(0.003, &[(0.070, 0.0), (0.150, 0.0), (0.235, 0.0)]),
-                [-0.16, 0.16],
-            ),
+            panel(&base_sections(0.003, &[(0.070, 0.0), (0.150, 0.0), (0.235, 0.0)]), [-0.16, 0.16]),
         ),
-        (
-            "base_slot",
-            panel(
-                &base_sections(0.002, &[(0.268, 0.0), (0.302, 0.0)]),
-                [-0.31, 0.31],
-            ),
-        ),
+        ("base_slot", panel(&base_sections(0.002, &[(0.268, 0.0), (0.302, 0.0)]), [-0.31, 0.31])),
         (
             "torso_shell",
             loft(

@@ -30,12 +30,7 @@ pub(super) fn load(bytes: &[u8], folder: Option<&Path>) -> Result<Vec<Part>> {
     if root.tag_name().name() != "COLLADA" {
         return Err(format!("is <{}>, not <COLLADA>", root.tag_name().name()));
     }
-    let mut reader = Reader {
-        by_id: HashMap::new(),
-        folder,
-        parts: Vec::new(),
-        nodes: 0,
-    };
+    let mut reader = Reader { by_id: HashMap::new(), folder, parts: Vec::new(), nodes: 0 };
     for node in document.descendants().filter(Node::is_element) {
         if let Some(id) = node.attribute("id") {
             reader.by_id.entry(id).or_insert(node);
@@ -78,9 +73,7 @@ impl<'a, 'input> Reader<'a, 'input> {
     /// The element that an attribute such as `url="#id"` names.
     fn target(&self, node: Node<'a, 'input>, attribute: &str) -> Result<Node<'a, 'input>> {
         let tag = node.tag_name().name();
-        let url = node
-            .attribute(attribute)
-            .ok_or_else(|| format!("<{tag}> has no {attribute}"))?;
+        let url = node.attribute(attribute).ok_or_else(|| format!("<{tag}> has no {attribute}"))?;
         url.strip_prefix('#')
             .and_then(|id| self.by_id.get(id))
             .copied()
@@ -96,10 +89,7 @@ impl<'a, 'input> Reader<'a, 'input> {
         }
         // Cameras and lamps, which some exporters place by transformations that meshes never have.
         let draws = |n: Node<'_, '_>| {
-            matches!(
-                n.tag_name().name(),
-                "instance_geometry" | "instance_node" | "instance_controller"
-            )
+            matches!(n.tag_name().name(), "instance_geometry" | "instance_node" | "instance_controller")
         };
         if !node.descendants().any(draws) {
             return Ok(());
@@ -119,10 +109,7 @@ impl<'a, 'input> Reader<'a, 'input> {
                 }
                 "instance_geometry" => {
                     let mut bound = HashMap::new();
-                    for bind in child
-                        .descendants()
-                        .filter(|n| n.has_tag_name_local("instance_material"))
-                    {
+                    for bind in child.descendants().filter(|n| n.has_tag_name_local("instance_material")) {
                         if let Some(symbol) = bind.attribute("symbol") {
                             bound.insert(symbol, self.target(bind, "target")?);
                         }
@@ -132,8 +119,7 @@ impl<'a, 'input> Reader<'a, 'input> {
                 }
                 "instance_controller" => {
                     return Err(
-                        "holds a skinned mesh (<instance_controller>); export it as a plain mesh"
-                            .into(),
+                        "holds a skinned mesh (<instance_controller>); export it as a plain mesh".into()
                     );
                 }
                 _ => {}
@@ -151,15 +137,11 @@ impl<'a, 'input> Reader<'a, 'input> {
         for mesh in children(geometry, "mesh") {
             for primitive in mesh.children().filter(Node::is_element) {
                 let tag = primitive.tag_name().name();
-                if !matches!(
-                    tag,
-                    "triangles" | "polylist" | "polygons" | "trifans" | "tristrips"
-                ) {
+                if !matches!(tag, "triangles" | "polylist" | "polygons" | "trifans" | "tristrips") {
                     continue;
                 }
-                let mesh = self
-                    .primitive(primitive, transform)
-                    .map_err(|error| format!("<{tag}>: {error}"))?;
+                let mesh =
+                    self.primitive(primitive, transform).map_err(|error| format!("<{tag}>: {error}"))?;
                 let material = primitive
                     .attribute("material")
                     .and_then(|symbol| bound.get(symbol))
@@ -175,17 +157,13 @@ impl<'a, 'input> Reader<'a, 'input> {
         let inputs = self.inputs(primitive)?;
         let stride = inputs.stride;
         let mut faces: Vec<Vec<&[usize]>> = Vec::new();
-        let lists: Vec<Vec<usize>> = children(primitive, "p")
-            .map(|p| indices(p.text().unwrap_or("")))
-            .collect::<Result<_>>()?;
+        let lists: Vec<Vec<usize>> =
+            children(primitive, "p").map(|p| indices(p.text().unwrap_or(""))).collect::<Result<_>>()?;
         let corners = |list: &'_ [usize]| -> Result<()> {
             if list.len().is_multiple_of(stride) {
                 Ok(())
             } else {
-                Err(format!(
-                    "{} indices are no multiple of {stride}",
-                    list.len()
-                ))
+                Err(format!("{} indices are no multiple of {stride}", list.len()))
             }
         };
         for list in &lists {
@@ -206,9 +184,8 @@ impl<'a, 'input> Reader<'a, 'input> {
                         .ok_or("has no <vcount>")?;
                     let mut rest = corner.as_slice();
                     for count in counts {
-                        let (face, after) = rest
-                            .split_at_checked(count)
-                            .ok_or("<p> is shorter than <vcount> says")?;
+                        let (face, after) =
+                            rest.split_at_checked(count).ok_or("<p> is shorter than <vcount> says")?;
                         faces.push(face.to_vec());
                         rest = after;
                     }
@@ -216,13 +193,11 @@ impl<'a, 'input> Reader<'a, 'input> {
                         return Err("<p> is longer than <vcount> says".into());
                     }
                 }
-                "tristrips" => faces.extend(corner.windows(3).enumerate().map(|(i, w)| {
-                    if i % 2 == 0 {
-                        vec![w[0], w[1], w[2]]
-                    } else {
-                        vec![w[1], w[0], w[2]]
-                    }
-                })),
+                "tristrips" => {
+                    faces.extend(corner.windows(3).enumerate().map(|(i, w)| {
+                        if i % 2 == 0 { vec![w[0], w[1], w[2]] } else { vec![w[1], w[0], w[2]] }
+                    }))
+                }
                 // One polygon or fan a <p>.
                 _ => faces.push(corner),
             }
@@ -240,8 +215,7 @@ impl<'a, 'input> Reader<'a, 'input> {
                     mesh.positions.push(p.cast::<f32>());
                     if let (Some(normal), Some(turn)) = (&inputs.normal, &normal_transform) {
                         let n = turn * Vector3::from(normal.get(corner)?);
-                        mesh.normals
-                            .push(n.try_normalize(1e-12).unwrap_or_default().cast::<f32>());
+                        mesh.normals.push(n.try_normalize(1e-12).unwrap_or_default().cast::<f32>());
                     }
                     if let Some(uv) = &inputs.uv {
                         let [u, v, _] = uv.get(corner)?;
@@ -250,8 +224,7 @@ impl<'a, 'input> Reader<'a, 'input> {
                     }
                     if let Some(color) = &inputs.color {
                         let rgb = color.get(corner)?;
-                        mesh.colors
-                            .push(rgb.map(|c| (c.clamp(0.0, 1.0) * 255.0).round() as u8));
+                        mesh.colors.push(rgb.map(|c| (c.clamp(0.0, 1.0) * 255.0).round() as u8));
                     }
                 }
                 mesh.triangles.push([first, first + 1, first + 2]);
@@ -338,10 +311,7 @@ impl<'a, 'input> Reader<'a, 'input> {
             return Ok(result);
         };
         let effect = self.target(instance, "url")?;
-        let Some(diffuse) = effect
-            .descendants()
-            .find(|node| node.has_tag_name_local("diffuse"))
-        else {
+        let Some(diffuse) = effect.descendants().find(|node| node.has_tag_name_local("diffuse")) else {
             return Ok(result);
         };
         if let Some(color) = children(diffuse, "color").next() {
@@ -361,22 +331,15 @@ impl<'a, 'input> Reader<'a, 'input> {
     /// From a sampler's name over its surface to the image's file; shorter ways are taken where exporters leave parts out.
     fn texture_file(&self, effect: Node<'a, 'input>, sampler: &str) -> Result<String> {
         let parameter = |name: &str| {
-            effect.descendants().find(|node| {
-                node.has_tag_name_local("newparam") && node.attribute("sid") == Some(name)
-            })
+            effect
+                .descendants()
+                .find(|node| node.has_tag_name_local("newparam") && node.attribute("sid") == Some(name))
         };
         let text_of = |node: Node<'a, 'input>, tag: &str| {
-            node.descendants()
-                .find(|n| n.has_tag_name_local(tag))
-                .and_then(|n| n.text())
-                .map(str::trim)
+            node.descendants().find(|n| n.has_tag_name_local(tag)).and_then(|n| n.text()).map(str::trim)
         };
-        let surface = parameter(sampler)
-            .and_then(|node| text_of(node, "source"))
-            .unwrap_or(sampler);
-        let image = parameter(surface)
-            .and_then(|node| text_of(node, "init_from"))
-            .unwrap_or(surface);
+        let surface = parameter(sampler).and_then(|node| text_of(node, "source")).unwrap_or(sampler);
+        let image = parameter(surface).and_then(|node| text_of(node, "init_from")).unwrap_or(surface);
         self.by_id
             .get(image)
             .and_then(|image| text_of(*image, "init_from"))
@@ -398,25 +361,16 @@ impl Input {
     /// Three values (or two and a zero) of a corner.
     fn get(&self, corner: &[usize]) -> Result<[f64; 3]> {
         let index = corner[self.offset];
-        let first = index
-            .checked_mul(self.stride)
-            .and_then(|at| at.checked_add(self.start));
+        let first = index.checked_mul(self.stride).and_then(|at| at.checked_add(self.start));
         first
-            .and_then(|first| {
-                self.values
-                    .get(first..first.checked_add(self.stride.min(3))?)
-            })
+            .and_then(|first| self.values.get(first..first.checked_add(self.stride.min(3))?))
             .map(|values| {
                 let mut result = [0.0; 3];
                 result[..values.len()].copy_from_slice(values);
                 result
             })
             .ok_or_else(|| {
-                format!(
-                    "index {index} is beyond source '{}' of {} values",
-                    self.name,
-                    self.values.len()
-                )
+                format!("index {index} is beyond source '{}' of {} values", self.name, self.values.len())
             })
     }
 }
@@ -447,10 +401,9 @@ fn transformation(element: Node<'_, '_>) -> Result<Option<Matrix4<f64>>> {
         "matrix" => Matrix4::from_row_slice(&v),
         "translate" => Matrix4::new_translation(&Vector3::new(v[0], v[1], v[2])),
         "scale" => Matrix4::new_nonuniform_scaling(&Vector3::new(v[0], v[1], v[2])),
-        _ => Unit::try_new(Vector3::new(v[0], v[1], v[2]), 1e-12)
-            .map_or_else(Matrix4::identity, |axis| {
-                Rotation3::from_axis_angle(&axis, v[3].to_radians()).to_homogeneous()
-            }),
+        _ => Unit::try_new(Vector3::new(v[0], v[1], v[2]), 1e-12).map_or_else(Matrix4::identity, |axis| {
+            Rotation3::from_axis_angle(&axis, v[3].to_radians()).to_homogeneous()
+        }),
     }))
 }
 
@@ -465,18 +418,12 @@ impl LocalName for Node<'_, '_> {
     }
 }
 
-fn children<'a, 'input: 'a>(
-    node: Node<'a, 'input>,
-    name: &'a str,
-) -> impl Iterator<Item = Node<'a, 'input>> {
-    node.children()
-        .filter(move |child| child.has_tag_name_local(name))
+fn children<'a, 'input: 'a>(node: Node<'a, 'input>, name: &'a str) -> impl Iterator<Item = Node<'a, 'input>> {
+    node.children().filter(move |child| child.has_tag_name_local(name))
 }
 
 fn find<'a, 'input>(node: Node<'a, 'input>, path: &[&str]) -> Option<Node<'a, 'input>> {
-    path.iter().try_fold(node, |node, name| {
-        node.children().find(|child| child.has_tag_name_local(name))
-    })
+    path.iter().try_fold(node, |node, name| node.children().find(|child| child.has_tag_name_local(name)))
 }
 
 fn number(text: &str) -> Result<f64> {
@@ -493,10 +440,6 @@ fn numbers(text: &str) -> Result<Vec<f64>> {
 
 fn indices(text: &str) -> Result<Vec<usize>> {
     text.split_ascii_whitespace()
-        .map(|index| {
-            index
-                .parse()
-                .map_err(|_| format!("'{index}' is not an index"))
-        })
+        .map(|index| index.parse().map_err(|_| format!("'{index}' is not an index")))
         .collect()
 }

@@ -162,8 +162,7 @@ impl RobotConfig {
     /// have, a pose is out of limits, or a number makes no sense. The message names file and field.
     pub fn load(path: &Path, robot: &RobotModel) -> Result<Self> {
         let text = std::fs::read_to_string(path).map_err(|source| Error::io(path, source))?;
-        let file: File =
-            toml::from_str(&text).map_err(|error| Error::invalid(path, error.to_string()))?;
+        let file: File = toml::from_str(&text).map_err(|error| Error::invalid(path, error.to_string()))?;
         check(file, robot).map_err(|message| Error::invalid(path, message))
     }
 
@@ -173,10 +172,7 @@ impl RobotConfig {
     /// When there is none of that name; the message lists those there are.
     pub fn pose(&self, robot: &RobotModel, name: &str) -> Result<&NamedPose> {
         self.poses.get(name).ok_or_else(|| {
-            robot.error(format!(
-                "no pose '{name}'; poses: {}",
-                list(self.poses.keys().map(String::as_str))
-            ))
+            robot.error(format!("no pose '{name}'; poses: {}", list(self.poses.keys().map(String::as_str))))
         })
     }
 
@@ -224,25 +220,14 @@ impl NamedPose {
 }
 
 fn check(file: File, robot: &RobotModel) -> std::result::Result<RobotConfig, String> {
-    let joint = |field: &str, name: &str| {
-        robot
-            .joint_index(name)
-            .map_err(|error| format!("{field}: {error}"))
-    };
-    let link = |field: &str, name: &str| {
-        robot
-            .link_index(name)
-            .map_err(|error| format!("{field}: {error}"))
-    };
+    let joint =
+        |field: &str, name: &str| robot.joint_index(name).map_err(|error| format!("{field}: {error}"));
+    let link = |field: &str, name: &str| robot.link_index(name).map_err(|error| format!("{field}: {error}"));
     let group = |field: &str, names: &[String]| -> std::result::Result<Vec<usize>, String> {
-        let joints: Vec<usize> = names
-            .iter()
-            .map(|name| joint(field, name))
-            .collect::<std::result::Result<_, _>>()?;
+        let joints: Vec<usize> =
+            names.iter().map(|name| joint(field, name)).collect::<std::result::Result<_, _>>()?;
         if joints.is_empty() || joints.iter().collect::<BTreeSet<_>>().len() < joints.len() {
-            return Err(format!(
-                "{field}: must name at least one joint, and none twice"
-            ));
+            return Err(format!("{field}: must name at least one joint, and none twice"));
         }
         Ok(joints)
     };
@@ -262,11 +247,7 @@ fn check(file: File, robot: &RobotModel) -> std::result::Result<RobotConfig, Str
             return Err(format!("camera.intrinsics.{name}: {problem}"));
         }
     }
-    if !file
-        .camera
-        .intrinsics
-        .contains_key(&file.camera.default_intrinsics)
-    {
+    if !file.camera.intrinsics.contains_key(&file.camera.default_intrinsics) {
         return Err(format!(
             "camera.default_intrinsics: no camera.intrinsics.{}; there are {}",
             file.camera.default_intrinsics,
@@ -278,19 +259,14 @@ fn check(file: File, robot: &RobotModel) -> std::result::Result<RobotConfig, Str
         intrinsics: file.camera.intrinsics,
         default_intrinsics: file.camera.default_intrinsics,
     };
-    let head = HeadConfig {
-        pan: joint("head.pan", &file.head.pan)?,
-        tilt: joint("head.tilt", &file.head.tilt)?,
-    };
+    let head =
+        HeadConfig { pan: joint("head.pan", &file.head.pan)?, tilt: joint("head.tilt", &file.head.tilt)? };
     let gripper_link = link("gripper.link", &file.gripper.link)?;
     let gripper = gripper(&file.gripper, robot, gripper_link, fingers)?;
 
     let mut allowed = robot.adjacent_pairs();
     for [a, b] in &file.self_collision.allowed {
-        let (a, b) = (
-            link("self_collision.allowed", a)?,
-            link("self_collision.allowed", b)?,
-        );
+        let (a, b) = (link("self_collision.allowed", a)?, link("self_collision.allowed", b)?);
         allowed.push((a.min(b), a.max(b)));
     }
     allowed.sort_unstable();
@@ -315,9 +291,7 @@ fn pose(
 ) -> std::result::Result<NamedPose, String> {
     let mut result = Vec::new();
     for (joint, &position) in positions {
-        let index = robot
-            .joint_index(joint)
-            .map_err(|error| format!("poses.{name}: {error}"))?;
+        let index = robot.joint_index(joint).map_err(|error| format!("poses.{name}: {error}"))?;
         let limits = robot.joints()[index].limits;
         if !position.is_finite() || !limits.contains(position) {
             return Err(format!(
@@ -340,35 +314,22 @@ fn planning_limits(
     let mut limits: Vec<PlanningLimits> = robot
         .joints()
         .iter()
-        .map(|joint| PlanningLimits {
-            velocity: joint.limits.velocity,
-            acceleration: joint.limits.velocity,
-        })
+        .map(|joint| PlanningLimits { velocity: joint.limits.velocity, acceleration: joint.limits.velocity })
         .collect();
     let mut given = BTreeSet::new();
     for (name, values) in file {
-        let index = robot
-            .joint_index(name)
-            .map_err(|error| format!("limits: {error}"))?;
+        let index = robot.joint_index(name).map_err(|error| format!("limits: {error}"))?;
         let highest = robot.joints()[index].limits.velocity;
-        let LimitsFile {
-            velocity,
-            acceleration,
-        } = *values;
+        let LimitsFile { velocity, acceleration } = *values;
         if !(velocity > 0.0 && velocity <= highest + ROUNDING) {
             return Err(format!(
                 "limits.{name}.velocity = {velocity} must be above 0 and not above the URDF's {highest}"
             ));
         }
         if !(acceleration > 0.0 && acceleration.is_finite()) {
-            return Err(format!(
-                "limits.{name}.acceleration = {acceleration} must be above 0"
-            ));
+            return Err(format!("limits.{name}.acceleration = {acceleration} must be above 0"));
         }
-        limits[index] = PlanningLimits {
-            velocity,
-            acceleration,
-        };
+        limits[index] = PlanningLimits { velocity, acceleration };
         given.insert(index);
     }
     for &joint in groups.iter().copied().flatten() {
@@ -398,36 +359,20 @@ fn gripper(
             ));
         }
     }
-    let positive = [
-        ("opening", file.opening),
-        ("finger_depth", file.finger_depth),
-        ("max_force", file.max_force),
-    ]
-    .into_iter()
-    .chain(
-        file.pad_half_extents
-            .map(|extent| ("pad_half_extents", extent)),
-    );
+    let positive =
+        [("opening", file.opening), ("finger_depth", file.finger_depth), ("max_force", file.max_force)]
+            .into_iter()
+            .chain(file.pad_half_extents.map(|extent| ("pad_half_extents", extent)));
     for (field, value) in positive {
         if !(value > 0.0 && value.is_finite()) {
             return Err(format!("gripper.{field}: {value} must be above 0"));
         }
     }
-    if file
-        .pad_centers
-        .iter()
-        .flatten()
-        .any(|value| !value.is_finite())
-    {
-        return Err(format!(
-            "gripper.pad_centers: {:?} must be finite",
-            file.pad_centers
-        ));
+    if file.pad_centers.iter().flatten().any(|value| !value.is_finite()) {
+        return Err(format!("gripper.pad_centers: {:?} must be finite", file.pad_centers));
     }
-    let strongest = fingers
-        .iter()
-        .map(|&finger| robot.joints()[finger].limits.effort)
-        .fold(f64::INFINITY, f64::min);
+    let strongest =
+        fingers.iter().map(|&finger| robot.joints()[finger].limits.effort).fold(f64::INFINITY, f64::min);
     if file.max_force > strongest + ROUNDING {
         return Err(format!(
             "gripper.max_force = {} N is above the finger joints' effort limit {strongest} N",
@@ -444,10 +389,7 @@ fn gripper(
         finger_depth: file.finger_depth,
         max_force: file.max_force,
     };
-    let widest = gripper.gap(
-        robot,
-        fingers.map(|finger| robot.joints()[finger].limits.upper),
-    );
+    let widest = gripper.gap(robot, fingers.map(|finger| robot.joints()[finger].limits.upper));
     if (widest - file.opening).abs() > 1e-3 {
         return Err(format!(
             "gripper.opening = {} m, but with both fingers at their upper limits the pads are {widest:.4} m apart; check opening, pad_centers and pad_half_extents",

@@ -15,8 +15,8 @@ impl RobotConfig {
         let joints = [self.head.pan, self.head.tilt];
         // First by the geometry of a head at the pan axis, which is good to some degrees; then Newton on the two angles
         // at which the camera sees the point.
-        let neck = robot.fk_link(&q, robot.joints()[self.head.pan].parent)
-            * robot.joints()[self.head.pan].origin;
+        let neck =
+            robot.fk_link(&q, robot.joints()[self.head.pan].parent) * robot.joints()[self.head.pan].origin;
         let seen = neck.inverse_transform_point(point);
         q[self.head.pan] = seen.y.atan2(seen.x);
         q[self.head.tilt] = (-seen.z).atan2(seen.x.hypot(seen.y));

@@ -16,18 +16,13 @@ pub(super) fn convex_hull(points: &[Point3<f32>]) -> Result<Vec<Point3<f64>>, St
     if thickness(points) < MIN_THICKNESS {
         return Err(flat);
     }
-    let (hull, _) =
-        try_convex_hull(&input).map_err(|error| format!("has no convex hull: {error}"))?;
-    let hull: Vec<Point3<f64>> = hull
-        .iter()
-        .map(|p| Point3::new(f64::from(p.x), f64::from(p.y), f64::from(p.z)))
-        .collect();
+    let (hull, _) = try_convex_hull(&input).map_err(|error| format!("has no convex hull: {error}"))?;
+    let hull: Vec<Point3<f64>> =
+        hull.iter().map(|p| Point3::new(f64::from(p.x), f64::from(p.y), f64::from(p.z))).collect();
     if hull.len() <= MAX_POINTS {
         return Ok(hull);
     }
-    let mut kept: Vec<usize> = directions(MAX_POINTS)
-        .map(|direction| support(&hull, &direction))
-        .collect();
+    let mut kept: Vec<usize> = directions(MAX_POINTS).map(|direction| support(&hull, &direction)).collect();
     kept.sort_unstable();
     kept.dedup();
     Ok(kept.into_iter().map(|index| hull[index]).collect())
@@ -59,11 +54,7 @@ fn thickness(points: &[Point3<f32>]) -> f64 {
 
 fn support(points: &[Point3<f64>], direction: &Vector3<f64>) -> usize {
     (0..points.len())
-        .max_by(|&a, &b| {
-            direction
-                .dot(&points[a].coords)
-                .total_cmp(&direction.dot(&points[b].coords))
-        })
+        .max_by(|&a, &b| direction.dot(&points[a].coords).total_cmp(&direction.dot(&points[b].coords)))
         .unwrap_or(0)
 }
 
@@ -84,15 +75,10 @@ mod tests {
 
     #[test]
     fn a_fine_sphere_keeps_64_points_and_its_size() {
-        let sphere: Vec<Point3<f32>> = directions(2000)
-            .map(|d| Point3::from((0.3 * d).cast::<f32>()))
-            .collect();
+        let sphere: Vec<Point3<f32>> =
+            directions(2000).map(|d| Point3::from((0.3 * d).cast::<f32>())).collect();
         let hull = convex_hull(&sphere).unwrap();
-        assert!(
-            hull.len() <= MAX_POINTS && hull.len() > 50,
-            "{}",
-            hull.len()
-        );
+        assert!(hull.len() <= MAX_POINTS && hull.len() > 50, "{}", hull.len());
         assert!(hull.iter().all(|p| (p.coords.norm() - 0.3).abs() < 1e-6));
     }
 

@@ -97,13 +97,9 @@ impl RobotModel {
             .unwrap_or(chain.len());
         let fixed = chain[..first]
             .iter()
-            .fold(Isometry3::identity(), |pose, &link| {
-                self.steps[link].follow(&pose, &q)
-            });
-        let moving: Vec<(usize, Option<usize>)> = chain[first..]
-            .iter()
-            .map(|&link| (link, self.driving_column(link, &columns)))
-            .collect();
+            .fold(Isometry3::identity(), |pose, &link| self.steps[link].follow(&pose, &q));
+        let moving: Vec<(usize, Option<usize>)> =
+            chain[first..].iter().map(|&link| (link, self.driving_column(link, &columns))).collect();
         let mut poses = vec![Isometry3::identity(); moving.len()];
 
         let mut outcome = IkOutcome {
@@ -122,10 +118,8 @@ impl RobotModel {
                 *slot = pose;
             }
             let error = pose_error(&request.target, &pose);
-            let (position_error, rotation_error) = (
-                error.fixed_rows::<3>(0).norm(),
-                error.fixed_rows::<3>(3).norm(),
-            );
+            let (position_error, rotation_error) =
+                (error.fixed_rows::<3>(0).norm(), error.fixed_rows::<3>(3).norm());
             let energy = 0.5 * error.norm_squared();
             // Keep the best; the last iterate is the best unless the descent ran past a minimum.
             if energy < best_energy(&outcome) {
@@ -138,10 +132,7 @@ impl RobotModel {
                 break;
             }
             // A NaN in the target or seed ends here too: nothing compares less than infinity.
-            if outcome.iterations >= request.max_iterations
-                || columns.is_empty()
-                || !energy.is_finite()
-            {
+            if outcome.iterations >= request.max_iterations || columns.is_empty() || !energy.is_finite() {
                 break;
             }
             outcome.iterations += 1;
@@ -158,31 +149,20 @@ impl RobotModel {
             }
             for (&(link, column), link_pose) in moving.iter().zip(&poses) {
                 if let Some(column) = column {
-                    let (linear, angular) =
-                        self.steps[link].velocity(link_pose, &pose.translation.vector);
+                    let (linear, angular) = self.steps[link].velocity(link_pose, &pose.translation.vector);
                     columns[column].velocity += stack(&linear, &angular);
                 }
             }
             let redundant = columns.len() > 6;
             for column in &mut columns {
                 let pull = CENTERING * column.centering * energy.min(1.0);
-                column.pull = if redundant {
-                    pull * (column.middle - q[column.joint])
-                } else {
-                    0.0
-                };
+                column.pull = if redundant { pull * (column.middle - q[column.joint]) } else { 0.0 };
             }
             if !step(&mut columns, &error, &q, caution * energy + DAMPING) {
                 break;
             }
-            let longest = columns
-                .iter()
-                .fold(0.0, |max: f64, column| max.max(column.step.abs()));
-            let scale = if longest > MAX_STEP {
-                MAX_STEP / longest
-            } else {
-                1.0
-            };
+            let longest = columns.iter().fold(0.0, |max: f64, column| max.max(column.step.abs()));
+            let scale = if longest > MAX_STEP { MAX_STEP / longest } else { 1.0 };
             for column in &columns {
                 let moved = q[column.joint] + scale * column.step;
                 q[column.joint] = moved.max(column.lower).min(column.upper);
@@ -190,8 +170,7 @@ impl RobotModel {
         }
         for &joint in request.joints {
             if self.joints[joint].kind == JointKind::Continuous {
-                let turns =
-                    ((outcome.q[joint] - request.seed[joint]) / std::f64::consts::TAU).round();
+                let turns = ((outcome.q[joint] - request.seed[joint]) / std::f64::consts::TAU).round();
                 outcome.q[joint] -= turns * std::f64::consts::TAU;
             }
         }
@@ -202,12 +181,9 @@ impl RobotModel {
         joints
             .iter()
             .filter(|&&joint| {
-                chain.iter().any(|&link| {
-                    self.steps[link]
-                        .motion
-                        .drive()
-                        .is_some_and(|drive| drive.joint == joint)
-                })
+                chain
+                    .iter()
+                    .any(|&link| self.steps[link].motion.drive().is_some_and(|drive| drive.joint == joint))
             })
             .map(|&joint| {
                 let limits = self.joints[joint].limits;
@@ -217,11 +193,7 @@ impl RobotModel {
                     joint,
                     lower: limits.lower,
                     upper: limits.upper,
-                    middle: if bounded {
-                        0.5 * (limits.lower + limits.upper)
-                    } else {
-                        0.0
-                    },
+                    middle: if bounded { 0.5 * (limits.lower + limits.upper) } else { 0.0 },
                     centering: if bounded { 1.0 } else { 0.0 },
                     velocity: Vector6::zeros(),
                     pull: 0.0,
@@ -234,9 +206,7 @@ impl RobotModel {
 
     fn driving_column(&self, link: usize, columns: &[Column]) -> Option<usize> {
         let drive = self.steps[link].motion.drive()?;
-        columns
-            .iter()
-            .position(|column| column.joint == drive.joint)
+        columns.iter().position(|column| column.joint == drive.joint)
     }
 }
 
@@ -266,9 +236,7 @@ fn step(columns: &mut [Column], error: &Vector6<f64>, q: &[f64], damping: f64) -
             }
             column.step = column.velocity.dot(&multipliers) + column.pull;
             let at = q[column.joint];
-            if (at <= column.lower && column.step < 0.0)
-                || (at >= column.upper && column.step > 0.0)
-            {
+            if (at <= column.lower && column.step < 0.0) || (at >= column.upper && column.step > 0.0) {
                 column.frozen = true;
                 column.step = 0.0;
                 newly_frozen = true;
@@ -289,7 +257,5 @@ fn pose_error(target: &Isometry3<f64>, pose: &Isometry3<f64>) -> Vector6<f64> {
 }
 
 fn stack(linear: &Vector3<f64>, angular: &Vector3<f64>) -> Vector6<f64> {
-    Vector6::new(
-        linear.x, linear.y, linear.z, angular.x, angular.y, angular.z,
-    )
+    Vector6::new(linear.x, linear.y, linear.z, angular.x, angular.y, angular.z)
 }

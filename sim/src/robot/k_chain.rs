@@ -34,17 +34,12 @@ impl RobotModel {
     /// # Errors
     /// When a joint on the way is a mimic joint, which a serial chain cannot express.
     pub fn serial_chain(&self, end_link: usize) -> Result<k::SerialChain<f64>> {
-        let root = k::NodeBuilder::<f64>::new()
-            .name(&self.links[0].name)
-            .into_node();
+        let root = k::NodeBuilder::<f64>::new().name(&self.links[0].name).into_node();
         // A node holds its parent weakly: all are kept until the chain owns them.
         let mut nodes = vec![root];
         for index in self.chain(end_link) {
             let step = &self.steps[index];
-            let name = self.links[index]
-                .parent_joint
-                .as_ref()
-                .map_or("", |joint| joint.name.as_str());
+            let name = self.links[index].parent_joint.as_ref().map_or("", |joint| joint.name.as_str());
             let axis = axis_to_k(&step.axis);
             let mut limits = None;
             if let Some(drive) = step.motion.drive() {

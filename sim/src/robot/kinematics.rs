@@ -72,19 +72,14 @@ impl Step {
 
     /// Velocity (linear, angular) of a point at `point` fixed to the link, per unit of its driving joint, when the link
     /// itself is at `pose`. All in the base frame.
-    pub fn velocity(
-        &self,
-        pose: &Isometry3<f64>,
-        point: &Vector3<f64>,
-    ) -> (Vector3<f64>, Vector3<f64>) {
+    pub fn velocity(&self, pose: &Isometry3<f64>, point: &Vector3<f64>) -> (Vector3<f64>, Vector3<f64>) {
         // The axis is the same in the joint frame and in the link frame, since the motion keeps it.
         let axis = pose.rotation * self.axis;
         match self.motion {
             Motion::Fixed => (Vector3::zeros(), Vector3::zeros()),
-            Motion::Turn(drive) => (
-                axis.cross(&(point - pose.translation.vector)) * drive.multiplier,
-                axis * drive.multiplier,
-            ),
+            Motion::Turn(drive) => {
+                (axis.cross(&(point - pose.translation.vector)) * drive.multiplier, axis * drive.multiplier)
+            }
             Motion::Slide(drive) => (axis * drive.multiplier, Vector3::zeros()),
         }
     }
@@ -93,12 +88,7 @@ impl Step {
 /// Rotation by `angle` about a unit axis.
 fn turn(axis: &Vector3<f64>, angle: f64) -> UnitQuaternion<f64> {
     let (sin, cos) = (0.5 * angle).sin_cos();
-    UnitQuaternion::new_unchecked(nalgebra::Quaternion::new(
-        cos,
-        axis.x * sin,
-        axis.y * sin,
-        axis.z * sin,
-    ))
+    UnitQuaternion::new_unchecked(nalgebra::Quaternion::new(cos, axis.x * sin, axis.y * sin, axis.z * sin))
 }
 
 impl RobotModel {
@@ -135,9 +125,7 @@ impl RobotModel {
         self.check_length(q);
         self.chain(link)
             .into_iter()
-            .fold(Isometry3::identity(), |pose, link| {
-                self.steps[link].follow(&pose, q)
-            })
+            .fold(Isometry3::identity(), |pose, link| self.steps[link].follow(&pose, q))
     }
 
     /// Links from the root's child down to `link`; the root itself is left out.

@@ -10,8 +10,8 @@ use urdf_rs::{Geometry, JointType};
 use super::kinematics::{Drive, Motion, Step};
 use super::resolve::{ROS_PACKAGE_PATH, Resolver};
 use super::{
-    Joint, JointKind, JointLimits, Link, LinkVisual, LoadSummary, ParentJoint, RobotModel, hull,
-    list, mesh_files, primitives,
+    Joint, JointKind, JointLimits, Link, LinkVisual, LoadSummary, ParentJoint, RobotModel, hull, list,
+    mesh_files, primitives,
 };
 use crate::error::{Error, Result};
 use crate::mesh::{Material, Mesh, Visual};
@@ -30,10 +30,7 @@ pub(super) fn load(urdf: &Path, package_paths: &[PathBuf]) -> Result<RobotModel>
         ));
     }
     let description = urdf_rs::read_from_string(&text).map_err(|error| {
-        Error::invalid(
-            urdf,
-            format!("is not a whole URDF: {error}; check that the file was not cut off"),
-        )
+        Error::invalid(urdf, format!("is not a whole URDF: {error}; check that the file was not cut off"))
     })?;
     let tree = Tree::of(&description).map_err(|message| Error::invalid(urdf, message))?;
     let mut loader = Loader {
@@ -56,12 +53,7 @@ pub(super) fn load(urdf: &Path, package_paths: &[PathBuf]) -> Result<RobotModel>
         model.links.push(link);
     }
     model.loaded = LoadSummary {
-        meshes: loader
-            .parts
-            .keys()
-            .map(|(path, _)| path)
-            .collect::<BTreeSet<_>>()
-            .len(),
+        meshes: loader.parts.keys().map(|(path, _)| path).collect::<BTreeSet<_>>().len(),
         links: model.links.len(),
         joints: model.joints.len(),
         ..loader.summary
@@ -81,14 +73,8 @@ struct Tree {
 
 impl Tree {
     fn of(description: &urdf_rs::Robot) -> std::result::Result<Self, String> {
-        let links = by_name(
-            "link",
-            description.links.iter().map(|link| link.name.as_str()),
-        )?;
-        by_name(
-            "joint",
-            description.joints.iter().map(|joint| joint.name.as_str()),
-        )?;
+        let links = by_name("link", description.links.iter().map(|link| link.name.as_str()))?;
+        by_name("joint", description.joints.iter().map(|joint| joint.name.as_str()))?;
         let mut joint_above: Vec<Option<usize>> = vec![None; links.len()];
         let mut joints_below: Vec<Vec<usize>> = vec![Vec::new(); links.len()];
         for (index, joint) in description.joints.iter().enumerate() {
@@ -111,9 +97,7 @@ impl Tree {
             }
             joints_below[parent].push(index);
         }
-        let roots: Vec<usize> = (0..joint_above.len())
-            .filter(|&link| joint_above[link].is_none())
-            .collect();
+        let roots: Vec<usize> = (0..joint_above.len()).filter(|&link| joint_above[link].is_none()).collect();
         let name = |link: usize| description.links[link].name.as_str();
         let root = match roots[..] {
             [root] => root,
@@ -140,24 +124,14 @@ impl Tree {
         }
         if order.len() < links.len() {
             let lost = (0..links.len()).filter(|link| !order.contains(link));
-            return Err(format!(
-                "the joints of these links form a circle: {}",
-                list(lost.map(name))
-            ));
+            return Err(format!("the joints of these links form a circle: {}", list(lost.map(name))));
         }
         let mut position = vec![0; links.len()];
         for (place, &link) in order.iter().enumerate() {
             position[link] = place;
         }
-        let mut tree = Tree {
-            parent_joints: Vec::new(),
-            steps: Vec::new(),
-            joints: Vec::new(),
-            order,
-        };
-        tree.add_joints(description, &joint_above, |link| {
-            links.get(link).map_or(0, |&link| position[link])
-        })?;
+        let mut tree = Tree { parent_joints: Vec::new(), steps: Vec::new(), joints: Vec::new(), order };
+        tree.add_joints(description, &joint_above, |link| links.get(link).map_or(0, |&link| position[link]))?;
         Ok(tree)
     }
 
@@ -195,12 +169,7 @@ impl Tree {
                     )));
                 }
             };
-            let mut step = Step {
-                parent,
-                origin,
-                axis: Vector3::z(),
-                motion: Motion::Fixed,
-            };
+            let mut step = Step { parent, origin, axis: Vector3::z(), motion: Motion::Fixed };
             let mut moved_by = None;
             if let Some(kind) = kind {
                 let axis = Vector3::from(*joint.axis.xyz);
@@ -208,11 +177,7 @@ impl Tree {
                     .filter(|axis| axis.iter().all(|v| v.is_finite()))
                     .ok_or_else(|| about(format!("axis {:?} has no direction", axis.as_slice())))?;
                 step.axis = axis.into_inner();
-                let drive = Drive {
-                    joint: self.joints.len(),
-                    multiplier: 1.0,
-                    offset: 0.0,
-                };
+                let drive = Drive { joint: self.joints.len(), multiplier: 1.0, offset: 0.0 };
                 step.motion = match kind {
                     JointKind::Prismatic => Motion::Slide(drive),
                     JointKind::Revolute | JointKind::Continuous => Motion::Turn(drive),
@@ -232,22 +197,15 @@ impl Tree {
                     });
                 }
             }
-            self.parent_joints.push(Some(ParentJoint {
-                name: joint.name.clone(),
-                parent,
-                moved_by,
-            }));
+            self.parent_joints.push(Some(ParentJoint { name: joint.name.clone(), parent, moved_by }));
             self.steps.push(step);
         }
         for (child, mimic) in followers {
             let Some(joint) = self.parent_joints[child].as_mut() else {
                 continue;
             };
-            let leader = self
-                .joints
-                .iter()
-                .position(|leader| leader.name == mimic.joint)
-                .ok_or_else(|| {
+            let leader =
+                self.joints.iter().position(|leader| leader.name == mimic.joint).ok_or_else(|| {
                     format!(
                         "joint '{}' mimics '{}', which is no movable joint of its own",
                         joint.name, mimic.joint
@@ -286,28 +244,15 @@ fn by_name<'a>(
     Ok(indices)
 }
 
-fn limits(
-    limit: &urdf_rs::JointLimit,
-    kind: JointKind,
-) -> std::result::Result<JointLimits, String> {
+fn limits(limit: &urdf_rs::JointLimit, kind: JointKind) -> std::result::Result<JointLimits, String> {
     let [lower, upper, velocity, effort] = [limit.lower, limit.upper, limit.velocity, limit.effort];
-    if ![lower, upper, velocity, effort]
-        .iter()
-        .all(|v| v.is_finite())
-        || velocity < 0.0
-        || effort < 0.0
-    {
+    if ![lower, upper, velocity, effort].iter().all(|v| v.is_finite()) || velocity < 0.0 || effort < 0.0 {
         return Err(format!(
             "limit lower {lower}, upper {upper}, velocity {velocity}, effort {effort}: must be finite, the last two not negative"
         ));
     }
     if kind == JointKind::Continuous {
-        return Ok(JointLimits {
-            lower: f64::NEG_INFINITY,
-            upper: f64::INFINITY,
-            velocity,
-            effort,
-        });
+        return Ok(JointLimits { lower: f64::NEG_INFINITY, upper: f64::INFINITY, velocity, effort });
     }
     if lower > upper {
         return Err(format!("limit lower {lower} is above upper {upper}"));
@@ -315,44 +260,29 @@ fn limits(
     if [lower, upper, velocity, effort] == [0.0; 4] {
         return Err("has no <limit>, which a revolute or prismatic joint needs".into());
     }
-    Ok(JointLimits {
-        lower,
-        upper,
-        velocity,
-        effort,
-    })
+    Ok(JointLimits { lower, upper, velocity, effort })
 }
 
 fn pose(origin: &urdf_rs::Pose) -> std::result::Result<Isometry3<f64>, String> {
     let ([x, y, z], [roll, pitch, yaw]) = (*origin.xyz, *origin.rpy);
-    if ![x, y, z].iter().all(|v| v.abs() < FARTHEST)
-        || ![roll, pitch, yaw].iter().all(|v| v.is_finite())
-    {
+    if ![x, y, z].iter().all(|v| v.abs() < FARTHEST) || ![roll, pitch, yaw].iter().all(|v| v.is_finite()) {
         return Err(format!(
             "origin xyz [{x}, {y}, {z}] rpy [{roll}, {pitch}, {yaw}] is not finite or farther than {FARTHEST} m"
         ));
     }
-    Ok(Isometry3::from_parts(
-        Translation3::new(x, y, z),
-        UnitQuaternion::from_euler_angles(roll, pitch, yaw),
-    ))
+    Ok(Isometry3::from_parts(Translation3::new(x, y, z), UnitQuaternion::from_euler_angles(roll, pitch, yaw)))
 }
 
 fn finite(what: &str, value: f64) -> std::result::Result<f64, String> {
-    if value.is_finite() {
-        Ok(value)
-    } else {
-        Err(format!("{what} {value} is not finite"))
-    }
+    if value.is_finite() { Ok(value) } else { Err(format!("{what} {value} is not finite")) }
 }
 
 /// Materials that the description defines once and visuals use by name.
 fn named_materials(description: &urdf_rs::Robot) -> HashMap<String, Material> {
-    let inline = description.links.iter().flat_map(|link| {
-        link.visual
-            .iter()
-            .filter_map(|visual| visual.material.as_ref())
-    });
+    let inline = description
+        .links
+        .iter()
+        .flat_map(|link| link.visual.iter().filter_map(|visual| visual.material.as_ref()));
     inline
         .chain(&description.materials)
         .filter(|material| !material.name.is_empty())
@@ -362,10 +292,7 @@ fn named_materials(description: &urdf_rs::Robot) -> HashMap<String, Material> {
 
 fn own_color(material: &urdf_rs::Material) -> Option<Material> {
     let [r, g, b, _] = *material.color.as_ref()?.rgba;
-    Some(Material {
-        base_color: [r, g, b].map(|c| c.clamp(0.0, 1.0) as f32),
-        ..Material::default()
-    })
+    Some(Material { base_color: [r, g, b].map(|c| c.clamp(0.0, 1.0) as f32), ..Material::default() })
 }
 
 type Parts = Vec<(Arc<Mesh>, Option<Material>)>;
@@ -382,16 +309,13 @@ struct Loader<'a> {
 
 impl Loader<'_> {
     fn link(&mut self, link: &urdf_rs::Link, parent_joint: Option<ParentJoint>) -> Result<Link> {
-        let about = |urdf: &Path, message: String| {
-            Error::invalid(urdf, format!("link '{}': {message}", link.name))
-        };
-        let (mass, com, inertia) =
-            inertial(&link.inertial).map_err(|message| about(self.urdf, message))?;
+        let about =
+            |urdf: &Path, message: String| Error::invalid(urdf, format!("link '{}': {message}", link.name));
+        let (mass, com, inertia) = inertial(&link.inertial).map_err(|message| about(self.urdf, message))?;
         let mut visuals = Vec::new();
         for visual in &link.visual {
-            let built = self
-                .visual(visual)
-                .map_err(|message| about(self.urdf, format!("visual: {message}")))?;
+            let built =
+                self.visual(visual).map_err(|message| about(self.urdf, format!("visual: {message}")))?;
             visuals.extend(built);
             self.summary.visuals += 1;
         }
@@ -403,22 +327,15 @@ impl Loader<'_> {
             collisions.extend(built);
             self.summary.collisions += 1;
         }
-        Ok(Link {
-            name: link.name.clone(),
-            mass,
-            inertia,
-            com,
-            visuals,
-            collisions,
-            parent_joint,
-        })
+        Ok(Link { name: link.name.clone(), mass, inertia, com, visuals, collisions, parent_joint })
     }
 
     fn visual(&mut self, visual: &urdf_rs::Visual) -> std::result::Result<Vec<LinkVisual>, String> {
         let pose = pose(&visual.origin)?;
-        let material = visual.material.as_ref().and_then(|material| {
-            own_color(material).or_else(|| self.materials.get(&material.name).cloned())
-        });
+        let material = visual
+            .material
+            .as_ref()
+            .and_then(|material| own_color(material).or_else(|| self.materials.get(&material.name).cloned()));
         let own = |mesh: Mesh| vec![(Arc::new(mesh), None)];
         let parts = match &visual.geometry {
             Geometry::Box { size } => own(primitives::cuboid_mesh(sizes(**size)?)),
@@ -455,15 +372,10 @@ impl Loader<'_> {
     ) -> std::result::Result<Vec<CollisionShape>, String> {
         let pose = pose(&collision.origin)?;
         let geometry = match &collision.geometry {
-            Geometry::Box { size } => Convex::Cuboid {
-                half: 0.5 * Vector3::from(sizes(**size)?),
-            },
+            Geometry::Box { size } => Convex::Cuboid { half: 0.5 * Vector3::from(sizes(**size)?) },
             Geometry::Cylinder { radius, length } => {
                 let [radius, length] = sizes([*radius, *length])?;
-                Convex::Cylinder {
-                    half_height: 0.5 * length,
-                    radius,
-                }
+                Convex::Cylinder { half_height: 0.5 * length, radius }
             }
             Geometry::Capsule { radius, length } => {
                 let [radius, length] = sizes([*radius, *length])?;
@@ -475,10 +387,8 @@ impl Loader<'_> {
             }
             Geometry::Mesh { filename, scale } => {
                 let parts = self.mesh(filename, scale.as_ref())?;
-                let points: Vec<Point3<f32>> = parts
-                    .iter()
-                    .flat_map(|(mesh, _)| mesh.positions.iter().copied())
-                    .collect();
+                let points: Vec<Point3<f32>> =
+                    parts.iter().flat_map(|(mesh, _)| mesh.positions.iter().copied()).collect();
                 Convex::Hull {
                     points: hull::convex_hull(&points)
                         .map_err(|message| format!("mesh '{filename}' {message}"))?,
@@ -488,21 +398,12 @@ impl Loader<'_> {
         Ok(vec![CollisionShape { pose, geometry }])
     }
 
-    fn mesh(
-        &mut self,
-        filename: &str,
-        scale: Option<&urdf_rs::Vec3>,
-    ) -> std::result::Result<Parts, String> {
+    fn mesh(&mut self, filename: &str, scale: Option<&urdf_rs::Vec3>) -> std::result::Result<Parts, String> {
         let scale = scale.map_or([1.0; 3], |scale| **scale);
         if !scale.iter().all(|s| s.abs() > 1e-9 && s.abs() < 1e9) {
-            return Err(format!(
-                "mesh '{filename}': scale {scale:?} is zero or not finite"
-            ));
+            return Err(format!("mesh '{filename}': scale {scale:?} is zero or not finite"));
         }
-        let path = self
-            .resolver
-            .resolve(filename)
-            .map_err(|message| format!("mesh {message}"))?;
+        let path = self.resolver.resolve(filename).map_err(|message| format!("mesh {message}"))?;
         let key = (path, scale.map(f64::to_bits));
         if let Some(parts) = self.parts.get(&key) {
             return Ok(parts.clone());
@@ -518,27 +419,19 @@ impl Loader<'_> {
 }
 
 /// Mass, centre of mass, inertia about it in link axes.
-fn inertial(
-    inertial: &urdf_rs::Inertial,
-) -> std::result::Result<(f64, Point3<f64>, Matrix3<f64>), String> {
+fn inertial(inertial: &urdf_rs::Inertial) -> std::result::Result<(f64, Point3<f64>, Matrix3<f64>), String> {
     let pose = pose(&inertial.origin).map_err(|message| format!("inertial: {message}"))?;
     let mass = finite("mass", inertial.mass.value)?;
     if mass < 0.0 {
         return Err(format!("mass {mass} is negative"));
     }
     let i = &inertial.inertia;
-    let own = Matrix3::new(
-        i.ixx, i.ixy, i.ixz, i.ixy, i.iyy, i.iyz, i.ixz, i.iyz, i.izz,
-    );
+    let own = Matrix3::new(i.ixx, i.ixy, i.ixz, i.ixy, i.iyy, i.iyz, i.ixz, i.iyz, i.izz);
     if !own.iter().all(|v| v.is_finite()) {
         return Err("inertia has a number that is not finite".into());
     }
     let turn = pose.rotation.to_rotation_matrix();
-    Ok((
-        mass,
-        pose.translation.vector.into(),
-        turn.matrix() * own * turn.matrix().transpose(),
-    ))
+    Ok((mass, pose.translation.vector.into(), turn.matrix() * own * turn.matrix().transpose()))
 }
 
 /// Sizes as they are, when all are positive and of a robot.
@@ -546,8 +439,6 @@ fn sizes<const N: usize>(sizes: [f64; N]) -> std::result::Result<[f64; N], Strin
     if sizes.iter().all(|&s| s > 0.0 && s < FARTHEST) {
         Ok(sizes)
     } else {
-        Err(format!(
-            "geometry sizes {sizes:?} must be positive and below {FARTHEST} m"
-        ))
+        Err(format!("geometry sizes {sizes:?} must be positive and below {FARTHEST} m"))
     }
 }

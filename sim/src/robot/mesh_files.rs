@@ -21,19 +21,13 @@ pub(super) struct Part {
 
 /// Reads all parts of a mesh file, scaled along the axes.
 pub(super) fn load(path: &Path, scale: &Vector3<f64>) -> Result<Vec<Part>, String> {
-    let ending = path
-        .extension()
-        .and_then(|ending| ending.to_str())
-        .unwrap_or("")
-        .to_ascii_lowercase();
+    let ending = path.extension().and_then(|ending| ending.to_str()).unwrap_or("").to_ascii_lowercase();
     let mut parts = match ending.as_str() {
         "stl" => stl(&read(path)?)?,
         "dae" => collada::load(&read(path)?, path.parent())?,
         "obj" => obj(path)?,
         _ => {
-            return Err(format!(
-                "mesh format '{ending}' is not supported; convert it to .stl, .dae or .obj"
-            ));
+            return Err(format!("mesh format '{ending}' is not supported; convert it to .stl, .dae or .obj"));
         }
     };
     parts.retain(|part| !part.mesh.triangles.is_empty());
@@ -53,15 +47,8 @@ fn read(path: &Path) -> Result<Vec<u8>, String> {
 /// Checks indices and numbers, applies the scale, and sees to it that every vertex has a unit normal.
 fn finish(mesh: &mut Mesh, scale: &Vector3<f64>) -> Result<(), String> {
     let count = mesh.positions.len();
-    if mesh
-        .triangles
-        .iter()
-        .flatten()
-        .any(|&i| i as usize >= count)
-    {
-        return Err(format!(
-            "a triangle names a vertex beyond the {count} there are"
-        ));
+    if mesh.triangles.iter().flatten().any(|&i| i as usize >= count) {
+        return Err(format!("a triangle names a vertex beyond the {count} there are"));
     }
     let scale32 = scale.cast::<f32>();
     for p in &mut mesh.positions {
@@ -131,9 +118,7 @@ fn stl(bytes: &[u8]) -> Result<Vec<Part>, String> {
         let expected = u32::from_le_bytes([a, b, c, d]) as usize;
         let found = (bytes.len() - HEADER) / TRIANGLE;
         if found < expected {
-            return Err(format!(
-                "binary STL is cut off: {found} of {expected} triangles"
-            ));
+            return Err(format!("binary STL is cut off: {found} of {expected} triangles"));
         }
     }
     let scene = mesh_loader::stl::from_slice(bytes).map_err(|error| error.to_string())?;
@@ -180,22 +165,10 @@ fn obj(path: &Path) -> Result<Vec<Part>, String> {
                 .transpose()?;
             Ok(Part {
                 mesh: Mesh {
-                    positions: triples(&mesh.positions)
-                        .into_iter()
-                        .map(Point3::from)
-                        .collect(),
-                    normals: triples(&mesh.normals)
-                        .into_iter()
-                        .map(Vector3::from)
-                        .collect(),
+                    positions: triples(&mesh.positions).into_iter().map(Point3::from).collect(),
+                    normals: triples(&mesh.normals).into_iter().map(Vector3::from).collect(),
                     // OBJ's v points up, ours down.
-                    uvs: mesh
-                        .texcoords
-                        .as_chunks::<2>()
-                        .0
-                        .iter()
-                        .map(|&[u, v]| [u, 1.0 - v])
-                        .collect(),
+                    uvs: mesh.texcoords.as_chunks::<2>().0.iter().map(|&[u, v]| [u, 1.0 - v]).collect(),
                     colors: Vec::new(),
                     triangles: mesh.indices.as_chunks::<3>().0.to_vec(),
                 },
@@ -207,16 +180,9 @@ fn obj(path: &Path) -> Result<Vec<Part>, String> {
 
 /// A texture beside the mesh file.
 pub(super) fn texture(name: &str, folder: Option<&Path>) -> Result<Arc<RgbImage>, String> {
-    let name = name
-        .strip_prefix("file://")
-        .unwrap_or(name)
-        .replace('\\', "/");
+    let name = name.strip_prefix("file://").unwrap_or(name).replace('\\', "/");
     let path = folder.unwrap_or(Path::new(".")).join(&name);
-    let image = image::open(&path).map_err(|error| {
-        format!(
-            "texture {}: {error}; PNG and JPEG are supported",
-            path.display()
-        )
-    })?;
+    let image = image::open(&path)
+        .map_err(|error| format!("texture {}: {error}; PNG and JPEG are supported", path.display()))?;
     Ok(Arc::new(image.to_rgb8()))
 }

@@ -222,15 +222,12 @@ impl RobotModel {
     /// # Errors
     /// When there is none; the message lists the names.
     pub fn link_index(&self, name: &str) -> Result<usize> {
-        self.links
-            .iter()
-            .position(|link| link.name == name)
-            .ok_or_else(|| {
-                self.error(format!(
-                    "no link '{name}'; links: {}",
-                    list(self.links.iter().map(|link| link.name.as_str()))
-                ))
-            })
+        self.links.iter().position(|link| link.name == name).ok_or_else(|| {
+            self.error(format!(
+                "no link '{name}'; links: {}",
+                list(self.links.iter().map(|link| link.name.as_str()))
+            ))
+        })
     }
 
     /// Index of a movable joint by name.
@@ -238,23 +235,17 @@ impl RobotModel {
     /// # Errors
     /// When there is none; the message lists the names.
     pub fn joint_index(&self, name: &str) -> Result<usize> {
-        self.joints
-            .iter()
-            .position(|joint| joint.name == name)
-            .ok_or_else(|| {
-                self.error(format!(
-                    "no movable joint '{name}'; movable joints: {}",
-                    list(self.joints.iter().map(|joint| joint.name.as_str()))
-                ))
-            })
+        self.joints.iter().position(|joint| joint.name == name).ok_or_else(|| {
+            self.error(format!(
+                "no movable joint '{name}'; movable joints: {}",
+                list(self.joints.iter().map(|joint| joint.name.as_str()))
+            ))
+        })
     }
 
     /// Every joint at zero, or at its limit nearest to zero.
     pub fn neutral(&self) -> Vec<f64> {
-        self.joints
-            .iter()
-            .map(|joint| joint.limits.clamp(0.0))
-            .collect()
+        self.joints.iter().map(|joint| joint.limits.clamp(0.0)).collect()
     }
 
     /// The first joint of `q` that is not a number or beyond its limits by more than `tolerance`, as a message.
@@ -268,14 +259,8 @@ impl RobotModel {
         }
         self.joints.iter().zip(q).find_map(|(joint, &value)| {
             let JointLimits { lower, upper, .. } = joint.limits;
-            (!(lower - tolerance..=upper + tolerance).contains(&value) || !value.is_finite()).then(
-                || {
-                    format!(
-                        "{} = {value} is outside its limits {lower} to {upper}",
-                        joint.name
-                    )
-                },
-            )
+            (!(lower - tolerance..=upper + tolerance).contains(&value) || !value.is_finite())
+                .then(|| format!("{} = {value} is outside its limits {lower} to {upper}", joint.name))
         })
     }
 
@@ -307,10 +292,7 @@ impl RobotModel {
     }
 
     pub(crate) fn error(&self, message: impl Into<String>) -> Error {
-        Error::Robot {
-            robot: self.name.clone(),
-            message: message.into(),
-        }
+        Error::Robot { robot: self.name.clone(), message: message.into() }
     }
 }
 

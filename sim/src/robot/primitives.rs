@@ -28,8 +28,7 @@ pub(super) fn cuboid_mesh(size: [f64; 3]) -> Mesh {
                 mesh.positions.push(p);
                 mesh.normals.push(normal);
             }
-            mesh.triangles
-                .extend([[first, first + 1, first + 2], [first, first + 2, first + 3]]);
+            mesh.triangles.extend([[first, first + 1, first + 2], [first, first + 2, first + 3]]);
         }
     }
     mesh
@@ -41,14 +40,12 @@ pub(super) fn cylinder_mesh(radius: f64, length: f64) -> Mesh {
     for i in 0..=SEGMENTS {
         let (sin, cos) = (TAU * i as f32 / SEGMENTS as f32).sin_cos();
         for z in [-half, half] {
-            mesh.positions
-                .push(Point3::new(radius * cos, radius * sin, z));
+            mesh.positions.push(Point3::new(radius * cos, radius * sin, z));
             mesh.normals.push(Vector3::new(cos, sin, 0.0));
         }
         if i < SEGMENTS {
             let low = 2 * i;
-            mesh.triangles
-                .extend([[low, low + 2, low + 3], [low, low + 3, low + 1]]);
+            mesh.triangles.extend([[low, low + 2, low + 3], [low, low + 3, low + 1]]);
         }
     }
     for sign in [-1.0f32, 1.0] {
@@ -57,12 +54,10 @@ pub(super) fn cylinder_mesh(radius: f64, length: f64) -> Mesh {
         mesh.normals.push(Vector3::new(0.0, 0.0, sign));
         for i in 0..=SEGMENTS {
             let (sin, cos) = (TAU * i as f32 / SEGMENTS as f32).sin_cos();
-            mesh.positions
-                .push(Point3::new(radius * cos, sign * radius * sin, sign * half));
+            mesh.positions.push(Point3::new(radius * cos, sign * radius * sin, sign * half));
             mesh.normals.push(Vector3::new(0.0, 0.0, sign));
             if i < SEGMENTS {
-                mesh.triangles
-                    .push([centre, centre + 1 + i, centre + 2 + i]);
+                mesh.triangles.push([centre, centre + 1 + i, centre + 2 + i]);
             }
         }
     }
@@ -105,36 +100,23 @@ pub(super) fn capsule_mesh(radius: f64, length: f64) -> Mesh {
         let sphere = sphere_mesh(radius);
         let first = mesh.positions.len() as u32;
         let shift = end.translation.vector.cast::<f32>();
-        mesh.positions
-            .extend(sphere.positions.iter().map(|p| p + shift));
+        mesh.positions.extend(sphere.positions.iter().map(|p| p + shift));
         mesh.normals.extend(sphere.normals);
-        mesh.triangles.extend(
-            sphere
-                .triangles
-                .iter()
-                .map(|t| t.map(|index| index + first)),
-        );
+        mesh.triangles.extend(sphere.triangles.iter().map(|t| t.map(|index| index + first)));
     }
     mesh
 }
 
 /// The convex pieces of a capsule: the same union, exactly.
-pub(super) fn capsule_shapes(
-    pose: &Isometry3<f64>,
-    radius: f64,
-    length: f64,
-) -> Vec<CollisionShape> {
+pub(super) fn capsule_shapes(pose: &Isometry3<f64>, radius: f64, length: f64) -> Vec<CollisionShape> {
     let mut shapes = vec![CollisionShape {
         pose: *pose,
-        geometry: Convex::Cylinder {
-            half_height: 0.5 * length,
-            radius,
-        },
+        geometry: Convex::Cylinder { half_height: 0.5 * length, radius },
     }];
-    shapes.extend(capsule_ends(length).map(|end| CollisionShape {
-        pose: pose * end,
-        geometry: Convex::Sphere { radius },
-    }));
+    shapes.extend(
+        capsule_ends(length)
+            .map(|end| CollisionShape { pose: pose * end, geometry: Convex::Sphere { radius } }),
+    );
     shapes
 }
 
@@ -175,9 +157,6 @@ mod tests {
                 }
             }
         }
-        assert_eq!(
-            capsule_mesh(0.1, 0.2).positions.len(),
-            capsule_mesh(0.1, 0.2).normals.len()
-        );
+        assert_eq!(capsule_mesh(0.1, 0.2).positions.len(), capsule_mesh(0.1, 0.2).normals.len());
     }
 }

@@ -16,9 +16,7 @@ impl Resolver {
     /// `environment` is the value of [`ROS_PACKAGE_PATH`], used when `package_paths` is empty.
     pub fn new(urdf: &Path, package_paths: &[PathBuf], environment: Option<OsString>) -> Self {
         let package_paths = if package_paths.is_empty() {
-            environment
-                .map(|paths| std::env::split_paths(&paths).collect())
-                .unwrap_or_default()
+            environment.map(|paths| std::env::split_paths(&paths).collect()).unwrap_or_default()
         } else {
             package_paths.to_vec()
         };
@@ -36,9 +34,7 @@ impl Resolver {
     pub fn resolve(&self, name: &str) -> Result<PathBuf, String> {
         if let Some(rest) = name.strip_prefix("package://") {
             let Some((package, inside)) = rest.split_once('/') else {
-                return Err(format!(
-                    "'{name}' names no file; expected package://PACKAGE/PATH"
-                ));
+                return Err(format!("'{name}' names no file; expected package://PACKAGE/PATH"));
             };
             return match self.package(package) {
                 Some(folder) => Ok(folder.join(inside)),
@@ -50,9 +46,7 @@ impl Resolver {
         }
         if let Some(path) = name.strip_prefix("file://") {
             // file://localhost/path is the same as file:///path.
-            return Ok(PathBuf::from(
-                path.strip_prefix("localhost").unwrap_or(path),
-            ));
+            return Ok(PathBuf::from(path.strip_prefix("localhost").unwrap_or(path)));
         }
         if let Some((scheme, _)) = name.split_once("://") {
             return Err(format!(
@@ -65,28 +59,18 @@ impl Resolver {
     fn package(&self, package: &str) -> Option<PathBuf> {
         let given = self.package_paths.iter().find_map(|path| {
             let inside = path.join(package);
-            if inside.is_dir() {
-                Some(inside)
-            } else {
-                is_package(path, package).then(|| path.clone())
-            }
+            if inside.is_dir() { Some(inside) } else { is_package(path, package).then(|| path.clone()) }
         });
         // A URDF usually lies in the package that it names.
         given.or_else(|| {
             let folder = std::path::absolute(&self.urdf_folder).ok()?;
-            folder
-                .ancestors()
-                .find(|above| is_package(above, package))
-                .map(Path::to_path_buf)
+            folder.ancestors().find(|above| is_package(above, package)).map(Path::to_path_buf)
         })
     }
 
     fn searched(&self) -> String {
-        let mut places: Vec<String> = self
-            .package_paths
-            .iter()
-            .map(|path| path.display().to_string())
-            .collect();
+        let mut places: Vec<String> =
+            self.package_paths.iter().map(|path| path.display().to_string()).collect();
         places.push(format!("the folders above {}", self.urdf_folder.display()));
         places.join(", ")
     }

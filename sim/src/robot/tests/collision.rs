@@ -1,85 +1,26 @@
 //! The Fetch's collision geometry is sane: tight, and free of itself where the robot is.
 
-use nalgebra::{Isometry3, Point3};
-use parry3d::math::{Pose, Vector};
+use nalgebra::Point3;
+use parry3d::math::Pose;
 use parry3d::query::{Ray, intersection_test};
-use parry3d::shape::{Ball, ConvexPolyhedron, Cuboid, Cylinder, Shape};
+use parry3d::shape::SharedShape;
 
-use super::super::{RobotConfig, RobotModel};
+use super::super::{Link, RobotConfig, RobotModel};
 use super::FETCH;
-use crate::shape::Convex;
-
-fn to_parry(pose: &Isometry3<f64>) -> Pose {
-    let (t, q) = (
-        pose.translation.vector.cast::<f32>(),
-        pose.rotation.cast::<f32>(),
-    );
-    Pose::from_parts(
-        Vector::new(t.x, t.y, t.z),
-        parry3d::math::Rotation::from_xyzw(q.i, q.j, q.k, q.w),
-    )
-}
-
-/// The shape that parry has for ours; its cylinder stands along y.
-fn shape(geometry: &Convex) -> Placed {
-    let upright = Isometry3::rotation(nalgebra::Vector3::x() * std::f64::consts::FRAC_PI_2);
-    match geometry {
-        Convex::Cuboid { half } => {
-            let h = half.cast::<f32>();
-            (
-                Isometry3::identity(),
-                Box::new(Cuboid::new(Vector::new(h.x, h.y, h.z))),
-            )
-        }
-        Convex::Cylinder {
-            half_height,
-            radius,
-        } => (
-            upright,
-            Box::new(Cylinder::new(*half_height as f32, *radius as f32)),
-        ),
-        Convex::Sphere { radius } => (Isometry3::identity(), Box::new(Ball::new(*radius as f32))),
-        Convex::Hull { points } => {
-            let points: Vec<Vector> = points
-                .iter()
-                .map(|p| Vector::new(p.x as f32, p.y as f32, p.z as f32))
-                .collect();
-            (
-                Isometry3::identity(),
-                Box::new(ConvexPolyhedron::from_convex_hull(&points).unwrap()),
-            )
-        }
-    }
-}
-
-/// A shape and its pose in the link.
-type Placed = (Isometry3<f64>, Box<dyn Shape>);
+use crate::convert;
 
 /// The shapes of every link.
-struct Geometry(Vec<Vec<Placed>>);
+struct Geometry(Vec<Vec<(Pose, SharedShape)>>);
 
 impl Geometry {
     fn of(robot: &RobotModel) -> Self {
-        Self(
-            robot
-                .links()
-                .iter()
-                .map(|link| {
-                    link.collisions
-                        .iter()
-                        .map(|collision| {
-                            let (turn, shape) = shape(&collision.geometry);
-                            (collision.pose * turn, shape)
-                        })
-                        .collect()
-                })
-                .collect(),
-        )
+        let solids = |link: &Link| link.collisions.iter().map(|c| convert::solid(c).unwrap()).collect();
+        Self(robot.links().iter().map(solids).collect())
     }
 
     /// The first two links that touch and may not.
     fn touching(&self, robot: &RobotModel, config: &RobotConfig, q: &[f64]) -> Option<String> {
-        let poses = robot.fk(q);
+        let poses: Vec<Pose> = robot.fk(q).iter().map(convert::pose).collect();
         for a in 0..poses.len() {
             for b in a + 1..poses.len() {
                 if config.is_allowed(a, b) {
@@ -87,13 +28,8 @@ impl Geometry {
                 }
                 for (pose_a, shape_a) in &self.0[a] {
                     for (pose_b, shape_b) in &self.0[b] {
-                        let hit = intersection_test(
-                            &to_parry(&(poses[a] * pose_a)),
-                            &**shape_a,
-                            &to_parry(&(poses[b] * pose_b)),
-                            &**shape_b,
-                        )
-                        .unwrap();
+                        let (place_a, place_b) = (poses[a] * *pose_a, poses[b] * *pose_b);
+                        let hit = intersection_test(&place_a, &**shape_a, &place_b, &**shape_b).unwrap();
                         if hit.intersecting {
                             let name = |link: usize| &robot.links()[link].name;
                             return Some(format!("{} and {}", name(a), name(b)));
@@ -110,11 +46,8 @@ impl Geometry {
 fn named_poses_and_the_zero_pose_are_free_of_self_collision() {
     let (robot, config) = &*FETCH;
     let geometry = Geometry::of(robot);
-    let mut poses: Vec<(String, Vec<f64>)> = config
-        .poses
-        .keys()
-        .map(|name| (name.clone(), config.configuration(robot, name).unwrap()))
-        .collect();
+    let mut poses: Vec<(String, Vec<f64>)> =
+        config.poses.keys().map(|name| (name.clone(), config.configuration(robot, name).unwrap())).collect();
     poses.push(("zero".into(), robot.neutral()));
     // Tuck with the torso anywhere, as the maker's software allows.
     for lift in [0.0, 0.1, 0.38615] {
@@ -167,24 +100,14 @@ fn the_table_is_in_full_view_in_the_ready_pose() {
     let eye = Point3::from(camera.translation.vector);
     for i in 0..=20 {
         for j in 0..=20 {
-            let point = Point3::new(
-                0.5 + 0.025 * f64::from(i),
-                -0.35 + 0.035 * f64::from(j),
-                0.65,
-            );
-            let pixel = intrinsics
-                .project(&camera.inverse_transform_point(&point))
-                .unwrap();
+            let point = Point3::new(0.5 + 0.025 * f64::from(i), -0.35 + 0.035 * f64::from(j), 0.65);
+            let pixel = intrinsics.project(&camera.inverse_transform_point(&point)).unwrap();
             let inside = (0.0..640.0).contains(&pixel.x) && (0.0..480.0).contains(&pixel.y);
             assert!(inside, "{point} is seen at {pixel}");
-            let way = (point - eye).cast::<f32>();
-            let ray = Ray::new(
-                Vector::new(eye.x as f32, eye.y as f32, eye.z as f32),
-                Vector::new(way.x, way.y, way.z),
-            );
+            let ray = Ray::new(convert::point(&eye), convert::vector(&(point - eye)));
             for (link, shapes) in geometry.0.iter().enumerate() {
                 for (pose, shape) in shapes {
-                    let pose = to_parry(&(poses[link] * pose));
+                    let pose = convert::pose(&poses[link]) * *pose;
                     assert!(
                         !shape.intersects_ray(&pose, &ray, 1.0),
                         "{} hides {point}",
@@ -199,11 +122,7 @@ fn the_table_is_in_full_view_in_the_ready_pose() {
 #[test]
 fn collision_shapes_stay_within_two_centimetres_of_the_looks() {
     let (robot, _) = &*FETCH;
-    for link in robot
-        .links()
-        .iter()
-        .filter(|link| !link.collisions.is_empty())
-    {
+    for link in robot.links().iter().filter(|link| !link.collisions.is_empty()) {
         // Compare extents along many directions.
         for i in 0..64 {
             let z = 1.0 - 2.0 * (f64::from(i) + 0.5) / 64.0;
@@ -226,15 +145,10 @@ fn collision_shapes_stay_within_two_centimetres_of_the_looks() {
                 .collisions
                 .iter()
                 .map(|collision| {
-                    let (turn, shape) = shape(&collision.geometry);
-                    let pose = collision.pose * turn;
-                    let local = (pose.rotation.inverse() * direction).cast::<f32>();
-                    let point = shape
-                        .as_support_map()
-                        .unwrap()
-                        .local_support_point(Vector::new(local.x, local.y, local.z));
-                    let point = Point3::new(point.x, point.y, point.z).cast::<f64>();
-                    direction.dot(&(pose * point).coords)
+                    let (pose, shape) = convert::solid(collision).unwrap();
+                    let local = pose.rotation.inverse() * convert::vector(&direction);
+                    let point = pose * shape.as_support_map().unwrap().local_support_point(local);
+                    direction.dot(&convert::from_vector(point))
                 })
                 .fold(f64::NEG_INFINITY, f64::max);
             assert!(
@@ -251,8 +165,7 @@ fn collision_shapes_stay_within_two_centimetres_of_the_looks() {
 #[test]
 fn motion_bench_maker_configurations_are_free_of_self_collision() {
     // At run time, so that a checkout elsewhere finds its own neighbour.
-    let here =
-        std::env::var_os("CARGO_MANIFEST_DIR").unwrap_or_else(|| env!("CARGO_MANIFEST_DIR").into());
+    let here = std::env::var_os("CARGO_MANIFEST_DIR").unwrap_or_else(|| env!("CARGO_MANIFEST_DIR").into());
     let data = std::path::Path::new(&here).join("../../shared/data/motion-problems");
     let Ok(scenes) = std::fs::read_dir(&data) else {
         println!("skipped: {} is absent", data.display());
@@ -264,12 +177,7 @@ fn motion_bench_maker_configurations_are_free_of_self_collision() {
     for scene in scenes {
         for file in std::fs::read_dir(scene.unwrap().path()).unwrap() {
             let file = file.unwrap().path();
-            if !file
-                .file_name()
-                .unwrap()
-                .to_string_lossy()
-                .starts_with("request")
-            {
+            if !file.file_name().unwrap().to_string_lossy().starts_with("request") {
                 continue;
             }
             let text = std::fs::read_to_string(&file).unwrap();
@@ -291,20 +199,12 @@ fn motion_bench_maker_configurations_are_free_of_self_collision() {
 /// Start and goal of a problem file: as much YAML as these files use.
 fn configurations(robot: &RobotModel, text: &str) -> [Vec<f64>; 2] {
     let list = |key: &str| -> Vec<String> {
-        let (_, rest) = text.split_once(&format!("{key}: [l_wheel")).map_or_else(
-            || text.split_once(&format!("{key}: [")).unwrap(),
-            |(before, rest)| (before, rest),
-        );
-        let start = if text.contains(&format!("{key}: [l_wheel")) {
-            "l_wheel"
-        } else {
-            ""
-        };
+        let (_, rest) = text
+            .split_once(&format!("{key}: [l_wheel"))
+            .map_or_else(|| text.split_once(&format!("{key}: [")).unwrap(), |(before, rest)| (before, rest));
+        let start = if text.contains(&format!("{key}: [l_wheel")) { "l_wheel" } else { "" };
         let (inside, _) = rest.split_once(']').unwrap();
-        format!("{start}{inside}")
-            .split(',')
-            .map(|item| item.trim().to_string())
-            .collect()
+        format!("{start}{inside}").split(',').map(|item| item.trim().to_string()).collect()
     };
     let mut start = robot.neutral();
     for (name, value) in list("name").iter().zip(list("position")) {

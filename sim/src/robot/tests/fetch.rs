@@ -8,16 +8,7 @@ use crate::camera::Intrinsics;
 use crate::rng;
 
 /// Joint, kind, origin, axis, lower, upper, velocity, effort.
-type Row = (
-    &'static str,
-    JointKind,
-    [f64; 3],
-    [f64; 3],
-    f64,
-    f64,
-    f64,
-    f64,
-);
+type Row = (&'static str, JointKind, [f64; 3], [f64; 3], f64, f64, f64, f64);
 
 #[test]
 fn joints_have_the_published_origins_axes_and_limits() {
@@ -97,12 +88,8 @@ fn pads_touch_when_closed_and_are_ten_centimetres_apart_when_open() {
     // The collision box of a finger is its pad.
     for side in 0..2 {
         let finger = &robot.links()[gripper.finger_links[side]];
-        let [shape] = &finger.collisions[..] else {
-            panic!("one box")
-        };
-        let crate::shape::Convex::Cuboid { half } = &shape.geometry else {
-            panic!("a box")
-        };
+        let [shape] = &finger.collisions[..] else { panic!("one box") };
+        let crate::shape::Convex::Cuboid { half } = &shape.geometry else { panic!("a box") };
         assert!((half - gripper.pad_half_extents).norm() < 1e-12);
         let center = shape.pose.translation.vector;
         assert!((center - gripper.pad_centers[side]).norm() < 1e-12);
@@ -126,17 +113,9 @@ fn everything_in_the_urdf_was_loaded() {
     for joint in robot.joints() {
         let link = &robot.links()[joint.child];
         let moments = link.inertia.symmetric_eigenvalues();
-        assert!(
-            link.mass > 0.0 && moments.iter().all(|&m| m > 0.0),
-            "{}",
-            link.name
-        );
+        assert!(link.mass > 0.0 && moments.iter().all(|&m| m > 0.0), "{}", link.name);
         // No body has a moment above the sum of the other two.
-        assert!(
-            2.0 * moments.max() <= moments.sum() * (1.0 + 1e-9),
-            "{}",
-            link.name
-        );
+        assert!(2.0 * moments.max() <= moments.sum() * (1.0 + 1e-9), "{}", link.name);
     }
     fn send_and_sync<T: Send + Sync>(_: &T) {}
     send_and_sync(robot);
@@ -146,17 +125,11 @@ fn everything_in_the_urdf_was_loaded() {
 fn kinematics_equal_those_of_the_k_crate() {
     let (robot, config) = &*FETCH;
     let mut rng = rng::stream(7, "robot test");
-    for name in [
-        "gripper_link",
-        "l_gripper_finger_link",
-        "head_camera_rgb_optical_frame",
-    ] {
+    for name in ["gripper_link", "l_gripper_finger_link", "head_camera_rgb_optical_frame"] {
         let link = robot.link_index(name).unwrap();
         let chain = robot.serial_chain(link).unwrap();
-        let joints: Vec<usize> = chain
-            .iter_joints()
-            .map(|joint| robot.joint_index(&joint.name).unwrap())
-            .collect();
+        let joints: Vec<usize> =
+            chain.iter_joints().map(|joint| robot.joint_index(&joint.name).unwrap()).collect();
         for _ in 0..200 {
             let q = random_configuration(robot, &mut rng);
             let positions: Vec<f64> = joints.iter().map(|&j| q[j]).collect();
@@ -202,25 +175,14 @@ fn named_poses_are_those_of_the_maker() {
     assert_eq!(arm("stow"), [1.32, 0.7, 0.0, -2.0, 0.0, -0.57, 0.0]);
     assert_eq!(arm("stow_via"), [0.7, -0.3, 0.0, -0.3, 0.0, -0.57, 0.0]);
     assert_eq!(config.arm_with_torso[1..], config.arm[..]);
-    let error = config
-        .configuration(robot, "sleep")
-        .unwrap_err()
-        .to_string();
-    assert!(
-        error.contains("'sleep'") && error.contains("ready, stow"),
-        "{error}"
-    );
+    let error = config.configuration(robot, "sleep").unwrap_err().to_string();
+    assert!(error.contains("'sleep'") && error.contains("ready, stow"), "{error}");
     // In `ready` the gripper is open and points down.
     let q = config.configuration(robot, "ready").unwrap();
     let gripper = robot.fk_link(&q, config.gripper.link);
     let fingers = gripper.rotation * nalgebra::Vector3::x();
     assert!((fingers + nalgebra::Vector3::z()).norm() < 1e-3);
-    assert!(
-        config
-            .gripper
-            .gap(robot, config.gripper.fingers.map(|f| q[f]))
-            > 0.099
-    );
+    assert!(config.gripper.gap(robot, config.gripper.fingers.map(|f| q[f])) > 0.099);
 }
 
 #[test]
@@ -236,17 +198,10 @@ fn camera_presets_are_the_known_ones() {
 fn the_head_turns_the_camera_to_a_point_as_far_as_it_can() {
     let (robot, config) = &*FETCH;
     let start = config.configuration(robot, "ready").unwrap();
-    for point in [
-        [0.45, 0.0, 0.75],
-        [0.8, 0.4, 0.7],
-        [0.6, -0.5, 1.2],
-        [3.0, 1.0, 1.5],
-    ] {
+    for point in [[0.45, 0.0, 0.75], [0.8, 0.4, 0.7], [0.6, -0.5, 1.2], [3.0, 1.0, 1.5]] {
         let point = Point3::from(point);
         let q = config.look_at(robot, &start, &point);
-        let seen = robot
-            .fk_link(&q, config.camera.optical_link)
-            .inverse_transform_point(&point);
+        let seen = robot.fk_link(&q, config.camera.optical_link).inverse_transform_point(&point);
         assert!(seen.x.hypot(seen.y) < 1e-6 * seen.z, "{seen}");
         for joint in 0..q.len() {
             let is_head = [config.head.pan, config.head.tilt].contains(&joint);
@@ -272,16 +227,8 @@ fn configuration_errors_name_the_field_and_what_there_is() {
             "shoulder_lift_joint = 1.60",
             "poses.tuck.shoulder_lift_joint = 1.6 is outside",
         ),
-        (
-            "shoulder_lift_joint = 1.40",
-            "shoulder_lift_joint = nan",
-            "poses.tuck.shoulder_lift_joint = NaN",
-        ),
-        (
-            "velocity = 1.256",
-            "velocity = 3.0",
-            "limits.shoulder_pan_joint.velocity = 3",
-        ),
+        ("shoulder_lift_joint = 1.40", "shoulder_lift_joint = nan", "poses.tuck.shoulder_lift_joint = NaN"),
+        ("velocity = 1.256", "velocity = 3.0", "limits.shoulder_pan_joint.velocity = 3"),
         (
             "acceleration = 0.5 }\nshoulder",
             "acceleration = -0.5 }\nshoulder",
@@ -298,21 +245,9 @@ fn configuration_errors_name_the_field_and_what_there_is() {
             "camera.default_intrinsics: no camera.intrinsics.zed",
         ),
         ("fx = 554.26", "fx = 0.0", "camera.intrinsics.fetch: fx 0"),
-        (
-            "opening = 0.10",
-            "opening = 0.08",
-            "gripper.opening = 0.08 m, but with both fingers",
-        ),
-        (
-            "max_force = 60.0",
-            "max_force = 90.0",
-            "gripper.max_force = 90",
-        ),
-        (
-            "max_force = 60.0",
-            "max_force = 60.0\ncolour = 1",
-            "unknown field `colour`",
-        ),
+        ("opening = 0.10", "opening = 0.08", "gripper.opening = 0.08 m, but with both fingers"),
+        ("max_force = 60.0", "max_force = 90.0", "gripper.max_force = 90"),
+        ("max_force = 60.0", "max_force = 60.0\ncolour = 1", "unknown field `colour`"),
         ("[head]\n", "", "unknown field `pan`"),
     ];
     let folder = tempfile::tempdir().unwrap();
@@ -321,10 +256,7 @@ fn configuration_errors_name_the_field_and_what_there_is() {
         assert!(good.contains(from), "{from}");
         std::fs::write(&path, good.replacen(from, to, 1)).unwrap();
         let error = RobotConfig::load(&path, robot).unwrap_err().to_string();
-        assert!(
-            error.contains(expected) && error.contains("bad.toml"),
-            "{error}"
-        );
+        assert!(error.contains(expected) && error.contains("bad.toml"), "{error}");
     }
     assert!(RobotConfig::load(&folder.path().join("none.toml"), robot).is_err());
 }

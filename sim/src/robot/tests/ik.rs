@@ -8,21 +8,8 @@ use super::super::{IkRequest, JointKind, RobotModel, to_k};
 use super::{FETCH, random_configuration};
 use crate::rng;
 
-fn request<'a>(
-    link: usize,
-    target: Isometry3<f64>,
-    joints: &'a [usize],
-    seed: &'a [f64],
-) -> IkRequest<'a> {
-    IkRequest {
-        link,
-        target,
-        joints,
-        seed,
-        position_tol: 1e-4,
-        rotation_tol: 1e-3,
-        max_iterations: 100,
-    }
+fn request<'a>(link: usize, target: Isometry3<f64>, joints: &'a [usize], seed: &'a [f64]) -> IkRequest<'a> {
+    IkRequest { link, target, joints, seed, position_tol: 1e-4, rotation_tol: 1e-3, max_iterations: 100 }
 }
 
 /// Every joint off by up to `range`, within limits.
@@ -42,11 +29,7 @@ fn solutions_reach_the_target_within_limits_and_leave_other_joints_alone() {
     let mut rng = rng::stream(11, "ik");
     let mut solved = 0;
     for round in 0..200 {
-        let joints = if round % 2 == 0 {
-            &config.arm
-        } else {
-            &config.arm_with_torso
-        };
+        let joints = if round % 2 == 0 { &config.arm } else { &config.arm_with_torso };
         let truth = random_configuration(robot, &mut rng);
         let mut seed = shaken(robot, &truth, 0.5, &mut rng);
         for joint in 0..seed.len() {
@@ -108,10 +91,7 @@ fn out_of_reach_is_no_solution_but_comes_as_near_as_the_arm_can() {
     assert!(!outcome.converged);
     assert_eq!(robot.problem_with(&outcome.q, 0.0), None);
     // Shoulder at x = 0.15, arm 0.98 m long: 3.87 m are missing at best.
-    assert!(
-        outcome.position_error > 3.8 && outcome.position_error < 4.2,
-        "{outcome:?}"
-    );
+    assert!(outcome.position_error > 3.8 && outcome.position_error < 4.2, "{outcome:?}");
 }
 
 #[test]
@@ -127,17 +107,9 @@ fn numbers_that_are_not_finite_end_without_a_solution() {
     let here = robot.fk_link(&seed, config.gripper.link);
     let mut bad = seed.clone();
     bad[3] = f64::NAN;
-    assert!(
-        !robot
-            .ik(request(config.gripper.link, here, &config.arm, &bad))
-            .converged
-    );
+    assert!(!robot.ik(request(config.gripper.link, here, &config.arm, &bad)).converged);
     // No joints: solved only when already there.
-    assert!(
-        robot
-            .ik(request(config.gripper.link, here, &[], &seed))
-            .converged
-    );
+    assert!(robot.ik(request(config.gripper.link, here, &[], &seed)).converged);
 }
 
 #[test]
@@ -149,13 +121,8 @@ fn a_straight_line_upwards_is_followed_without_jumps() {
     for step in 1..=40 {
         let mut target = start;
         target.translation.z -= 0.005 * f64::from(step);
-        let next = robot
-            .solve_ik(request(link, target, &config.arm, &q))
-            .unwrap();
-        let largest = next
-            .iter()
-            .zip(&q)
-            .fold(0.0, |max: f64, (a, b)| max.max((a - b).abs()));
+        let next = robot.solve_ik(request(link, target, &config.arm, &q)).unwrap();
+        let largest = next.iter().zip(&q).fold(0.0, |max: f64, (a, b)| max.max((a - b).abs()));
         assert!(largest < 0.05, "step {step}: {largest}");
         q = next;
     }

@@ -73,7 +73,8 @@ const DAE: &str = r##"<?xml version="1.0"?>
   <scene><instance_visual_scene url="#s"/></scene>
 </COLLADA>"##;
 
-const OBJ: &str = "mtllib cube.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nusemtl blue\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n";
+const OBJ: &str =
+    "mtllib cube.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nusemtl blue\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n";
 
 /// A package with a URDF and its meshes.
 struct Package {
@@ -148,11 +149,7 @@ fn package_paths_may_be_the_package_or_the_folder_around_it() {
     // Renamed on disk: its package.xml still says what it is.
     let renamed = package.root.parent().unwrap().join("checkout");
     std::fs::rename(&package.root, &renamed).unwrap();
-    assert!(
-        package
-            .load_with(&body, std::slice::from_ref(&renamed))
-            .is_err()
-    );
+    assert!(package.load_with(&body, std::slice::from_ref(&renamed)).is_err());
     let manifest = "<package>\n <name>tiny_description</name></package>";
     std::fs::write(renamed.join("package.xml"), manifest).unwrap();
     assert!(package.load_with(&body, &[renamed]).is_ok());
@@ -164,11 +161,7 @@ fn a_urdf_inside_its_own_package_needs_no_paths() {
     let folder = package.root.join("robots");
     std::fs::create_dir(&folder).unwrap();
     let urdf = folder.join("tiny.urdf");
-    std::fs::write(
-        &urdf,
-        format!("<robot name=\"tiny\">{}</robot>", visual("ascii.stl")),
-    )
-    .unwrap();
+    std::fs::write(&urdf, format!("<robot name=\"tiny\">{}</robot>", visual("ascii.stl"))).unwrap();
     assert_eq!(RobotModel::load(&urdf, &[]).unwrap().loaded().meshes, 1);
 }
 
@@ -220,16 +213,11 @@ fn stl_in_both_kinds_gives_the_same_solid_scaled_and_coloured() {
             let facet = (b - a).cross(&(c - a)).normalize();
             assert!((facet - mesh.normals[t[0] as usize]).norm() < 1e-5);
         }
-        let Convex::Hull { points } = &link.collisions[0].geometry else {
-            panic!("a hull")
-        };
+        let Convex::Hull { points } = &link.collisions[0].geometry else { panic!("a hull") };
         assert_eq!(points.len(), 4);
         // The same file at two scales is one mesh file.
         let loaded = robot.loaded();
-        assert_eq!(
-            (loaded.meshes, loaded.visuals, loaded.collisions),
-            (1, 1, 1)
-        );
+        assert_eq!((loaded.meshes, loaded.visuals, loaded.collisions), (1, 1, 1));
     }
 }
 
@@ -243,24 +231,17 @@ fn collada_nodes_units_materials_and_repeated_meshes_are_kept() {
     assert_eq!(visuals[0].visual.material.base_color, [1.0, 0.25, 0.0]);
     let bounds = |index: usize| {
         let positions = &visuals[index].visual.mesh.positions;
-        positions.iter().fold(
-            (Point3::from([9.0f32; 3]), Point3::from([-9.0f32; 3])),
-            |(low, high), p| (low.inf(p), high.sup(p)),
-        )
+        positions.iter().fold((Point3::from([9.0f32; 3]), Point3::from([-9.0f32; 3])), |(low, high), p| {
+            (low.inf(p), high.sup(p))
+        })
     };
     let near = |a: Point3<f32>, b: [f32; 3]| (a - Point3::from(b)).norm() < 1e-6;
     // A square metre in the x-y plane, as its coordinates stand: up_axis turns nothing.
     let (low, high) = bounds(0);
-    assert!(
-        near(low, [0.0; 3]) && near(high, [1.0, 1.0, 0.0]),
-        "{low} {high}"
-    );
+    assert!(near(low, [0.0; 3]) && near(high, [1.0, 1.0, 0.0]), "{low} {high}");
     // Turned by 90 degrees about x (y becomes z, z becomes -y), then up 0.5 m; the inner shift along z is turned too.
     let (low, high) = bounds(1);
-    assert!(
-        near(low, [0.0, -0.1, 0.5]) && near(high, [1.0, -0.1, 1.5]),
-        "{low} {high}"
-    );
+    assert!(near(low, [0.0, -0.1, 0.5]) && near(high, [1.0, -0.1, 1.5]), "{low} {high}");
     let normal = visuals[1].visual.mesh.normals[0];
     assert!((normal + Vector3::y()).norm() < 1e-6, "{normal}");
 }
@@ -283,15 +264,9 @@ fn a_mesh_that_cannot_be_read_is_an_error_with_mesh_link_and_urdf() {
     package.write("cut.stl", &binary_stl()[..200]);
     package.write("cut_ascii.stl", &ascii_stl()[..150]);
     package.write("empty.stl", "");
-    package.write(
-        "nan.stl",
-        ascii_stl().replace("vertex 1 0 0", "vertex NaN 0 0"),
-    );
+    package.write("nan.stl", ascii_stl().replace("vertex 1 0 0", "vertex NaN 0 0"));
     package.write("cut.dae", &DAE[..DAE.len() / 2]);
-    package.write(
-        "index.dae",
-        DAE.replace("<p>0 0 1 0 2 0 3 0</p>", "<p>0 0 1 0 9 0 3 0</p>"),
-    );
+    package.write("index.dae", DAE.replace("<p>0 0 1 0 2 0 3 0</p>", "<p>0 0 1 0 9 0 3 0</p>"));
     package.write("count.dae", DAE.replace("<vcount>4", "<vcount>5"));
     package.write("link.dae", DAE.replace("url=\"#g\"", "url=\"#h\""));
     package.write("number.dae", DAE.replace("0 0 0 100", "0 nan 0 100"));
@@ -299,10 +274,7 @@ fn a_mesh_that_cannot_be_read_is_an_error_with_mesh_link_and_urdf() {
         "circle.dae",
         DAE.replace("<node><instance_geometry", "<node id=\"self\"><instance_node url=\"#self\"/><instance_node url=\"#self\"/><instance_geometry"),
     );
-    package.write(
-        "texture.dae",
-        DAE.replace("<color>1 0.25 0 1</color>", "<texture texture=\"t\"/>"),
-    );
+    package.write("texture.dae", DAE.replace("<color>1 0.25 0 1</color>", "<texture texture=\"t\"/>"));
     let cases = [
         ("none.stl", "No such file"),
         ("cut.stl", "cut off: 2 of 4 triangles"),
@@ -316,30 +288,22 @@ fn a_mesh_that_cannot_be_read_is_an_error_with_mesh_link_and_urdf() {
         ("number.dae", "'nan' is not a finite number"),
         ("circle.dae", "circle"),
         ("texture.dae", "texture 't' leads to no image"),
-        (
-            "shape.fbx",
-            "format 'fbx' is not supported; convert it to .stl, .dae or .obj",
-        ),
+        ("shape.fbx", "format 'fbx' is not supported; convert it to .stl, .dae or .obj"),
     ];
     for (name, expected) in cases {
         let error = package.error(&visual(name));
-        let names_all =
-            error.contains(name) && error.contains("link 'a'") && error.contains("tiny.urdf");
+        let names_all = error.contains(name) && error.contains("link 'a'") && error.contains("tiny.urdf");
         assert!(names_all && error.contains(expected), "{error}");
     }
     let error = package.error(&visual("none.stl").replace("tiny_description", "other"));
-    assert!(
-        error.contains("package 'other' not found; searched"),
-        "{error}"
-    );
+    assert!(error.contains("package 'other' not found; searched"), "{error}");
     let error = package.error(&visual("none.stl").replace("package:", "http:"));
     assert!(error.contains("scheme 'http' is not supported"), "{error}");
     // A flat mesh is no collision body.
     let flat = visual("plates.dae").replace("visual>", "collision>");
     package.write(
         "plates.dae",
-        DAE.replace("<translate>0 0 50</translate><rotate>1 0 0 90</rotate>", "")
-            .replace("0 0 10", "0 0 0"),
+        DAE.replace("<translate>0 0 50</translate><rotate>1 0 0 90</rotate>", "").replace("0 0 10", "0 0 0"),
     );
     assert!(package.error(&flat).contains("flat"));
 }
@@ -380,10 +344,7 @@ fn a_urdf_that_is_no_tree_or_has_bad_numbers_is_refused() {
     ];
     for (body, expected) in cases {
         let error = package.error(&body);
-        assert!(
-            error.contains(expected) && error.contains("tiny.urdf"),
-            "{error}\nexpected {expected}"
-        );
+        assert!(error.contains(expected) && error.contains("tiny.urdf"), "{error}\nexpected {expected}");
     }
 }
 
@@ -399,10 +360,7 @@ fn cut_off_missing_and_xacro_files_are_told_apart() {
     for share in [0, 1, 5, 20, 50, 80, 99] {
         let cut = write("cut.urdf", &fetch[..fetch.len() * share / 100]);
         let error = RobotModel::load(&cut, &[]).unwrap_err().to_string();
-        assert!(
-            error.contains("cut.urdf") && error.contains("cut off"),
-            "{error}"
-        );
+        assert!(error.contains("cut.urdf") && error.contains("cut off"), "{error}");
     }
     let error = |path: &Path| RobotModel::load(path, &[]).unwrap_err().to_string();
     assert!(error(&folder.path().join("none.urdf")).contains("none.urdf"));
@@ -452,24 +410,13 @@ fn adjacent_pairs_see_through_fixed_joints() {
             .replace("</joint>", &format!("{LIMIT}</joint>"))
     };
     // a ~ b -turn- c ~ d -turn- e
-    let body: String = ["a", "b", "c", "d", "e"]
-        .map(|name| format!(r#"<link name="{name}"/>"#))
-        .concat()
+    let body: String = ["a", "b", "c", "d", "e"].map(|name| format!(r#"<link name="{name}"/>"#)).concat()
         + &fixed("ab", "a", "b")
         + &turning("bc", "b", "c")
         + &fixed("cd", "c", "d")
         + &turning("de", "d", "e");
     let robot = package.load(&body).unwrap();
-    let expected = [
-        (0, 1),
-        (0, 2),
-        (0, 3),
-        (1, 2),
-        (1, 3),
-        (2, 3),
-        (2, 4),
-        (3, 4),
-    ];
+    let expected = [(0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (2, 3), (2, 4), (3, 4)];
     assert_eq!(robot.adjacent_pairs(), expected);
 }
 
@@ -491,14 +438,8 @@ fn habits_of_the_makers_urdf_are_understood() {
     let robot = Package::new().load(body).unwrap();
     assert_eq!(robot.links()[0].name, "dummy_link");
     let color = |link: usize| robot.links()[link].visuals[0].visual.material.base_color;
-    assert_eq!(
-        (color(1), color(2)),
-        ([0.356, 0.361, 0.376], [0.086, 0.506, 0.767])
-    );
+    assert_eq!((color(1), color(2)), ([0.356, 0.361, 0.376], [0.086, 0.506, 0.767]));
     let limits = robot.joints()[0].limits;
-    assert_eq!(
-        (limits.lower, limits.upper),
-        (f64::NEG_INFINITY, f64::INFINITY)
-    );
+    assert_eq!((limits.lower, limits.upper), (f64::NEG_INFINITY, f64::INFINITY));
     assert_eq!((limits.velocity, limits.effort), (17.4, 8.85));
 }
