@@ -84,7 +84,10 @@ impl Condition {
         if !known.iter().any(|k| k == name) {
             return Err(Error::invalid(
                 dir,
-                format!("no condition '{name}' here; there are: {}", known.join(", ")),
+                format!(
+                    "no condition '{name}' here; there are: {}",
+                    known.join(", ")
+                ),
             ));
         }
         Self::load(&dir.join(format!("{name}.toml")))
@@ -189,18 +192,31 @@ mod tests {
         assert!(light("intensity_cd = -3.0").contains("lights[0].intensity_cd = -3"));
         assert!(light("intensity_cd = 3.0\nhalf_angle = 9.0").contains("half_angle = 9"));
         assert!(light("intensity_cd = 3.0\ncolour = [1, 1, 1]").contains("colour"));
-        assert!(error_of("placement = \"spread\"\n[lighting]\nambient_lux = nan").contains("ambient_lux"));
+        assert!(
+            error_of("placement = \"spread\"\n[lighting]\nambient_lux = nan")
+                .contains("ambient_lux")
+        );
         assert!(error_of("placement = \"heaped\"\n[lighting]\nambient_lux = 1").contains("heaped"));
-        assert!(error_of(&format!("{good}[exposure]\nmax_time_s = 0\nmax_gain = 2")).contains("max_time_s = 0"));
-        let five = "[[lighting.lights]]\nposition = [0, 0, 2]\ntarget = [1, 0, 0]\nintensity_cd = 1\n".repeat(5);
+        assert!(
+            error_of(&format!("{good}[exposure]\nmax_time_s = 0\nmax_gain = 2"))
+                .contains("max_time_s = 0")
+        );
+        let five =
+            "[[lighting.lights]]\nposition = [0, 0, 2]\ntarget = [1, 0, 0]\nintensity_cd = 1\n"
+                .repeat(5);
         assert!(error_of(&format!("{good}{five}")).contains("at most 4"));
         assert!(error_of("placement = ").contains("odd.toml"));
     }
 
     #[test]
     fn an_unknown_name_lists_those_present() {
-        let error = Condition::load_named(&shipped(), "foggy").unwrap_err().to_string();
-        assert!(error.contains("foggy") && error.contains("light-left"), "{error}");
+        let error = Condition::load_named(&shipped(), "foggy")
+            .unwrap_err()
+            .to_string();
+        assert!(
+            error.contains("foggy") && error.contains("light-left"),
+            "{error}"
+        );
         assert!(Condition::load_named(Path::new("/nowhere"), "base").is_err());
     }
 }

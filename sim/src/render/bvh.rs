@@ -149,7 +149,12 @@ impl Bvh {
     /// Calls `visit(rank, limit)` for items whose boxes the ray enters before `limit`, nearest boxes first; it returns
     /// the new limit, or `None` to stop.
     #[inline]
-    pub fn traverse(&self, ray: &Ray, limit: f32, mut visit: impl FnMut(usize, f32) -> Option<f32>) {
+    pub fn traverse(
+        &self,
+        ray: &Ray,
+        limit: f32,
+        mut visit: impl FnMut(usize, f32) -> Option<f32>,
+    ) {
         let mut limit = limit;
         let mut stack = [(0_u32, 0.0_f32); MAX_DEPTH + 2];
         let mut top = 0;
@@ -219,7 +224,10 @@ fn partition(boxes: &[Aabb], items: &mut [u32]) -> Option<usize> {
     let mut best: Option<(f32, usize, f32)> = None;
     for axis in 0..3 {
         let center = |i: u32| boxes[i as usize].center(axis);
-        let low = items.iter().map(|&i| center(i)).fold(f32::INFINITY, f32::min);
+        let low = items
+            .iter()
+            .map(|&i| center(i))
+            .fold(f32::INFINITY, f32::min);
         let high = items
             .iter()
             .map(|&i| center(i))
@@ -244,7 +252,8 @@ fn partition(boxes: &[Aabb], items: &mut [u32]) -> Option<usize> {
             if left.1 == 0 || right[b].1 == 0 {
                 continue;
             }
-            let cost = left.0.half_area() * left.1 as f32 + right[b].0.half_area() * right[b].1 as f32;
+            let cost =
+                left.0.half_area() * left.1 as f32 + right[b].0.half_area() * right[b].1 as f32;
             if best.is_none_or(|(lowest, ..)| cost < lowest) {
                 best = Some((cost, axis, low + b as f32 / scale));
             }

@@ -48,7 +48,10 @@ pub(super) fn check_mesh(renderer: &'static str, mesh: &Mesh) -> Result<()> {
     let message = if mesh.normals.len() != vertices {
         format!("{} normals for {vertices} vertices", mesh.normals.len())
     } else if !fits(mesh.uvs.len()) {
-        format!("{} texture coordinates for {vertices} vertices", mesh.uvs.len())
+        format!(
+            "{} texture coordinates for {vertices} vertices",
+            mesh.uvs.len()
+        )
     } else if !fits(mesh.colors.len()) {
         format!("{} colours for {vertices} vertices", mesh.colors.len())
     } else if let Some(i) = mesh
@@ -89,7 +92,8 @@ impl Lighting {
             ));
         }
         for (i, light) in self.lights.iter().enumerate() {
-            let place = |v: &nalgebra::Vector3<f64>| v.iter().all(|c| c.is_finite() && c.abs() < 1e4);
+            let place =
+                |v: &nalgebra::Vector3<f64>| v.iter().all(|c| c.is_finite() && c.abs() < 1e4);
             if !place(&light.position) || !place(&light.target) {
                 return Some(format!(
                     "lights[{i}]: position {:?} and target {:?} must be finite and within 10 km",

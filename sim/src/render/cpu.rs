@@ -5,6 +5,7 @@
 //! to the bit on any number of threads.
 
 use std::collections::HashMap;
+use std::collections::hash_map::Entry;
 use std::sync::Arc;
 
 use image::RgbImage;
@@ -67,26 +68,29 @@ impl CpuRenderer {
     fn prepare(&mut self, scene: &RenderScene, camera_from_world: &Isometry3<f64>) -> Result<View> {
         // What nobody else holds any more cannot come back.
         self.meshes.retain(|_, (key, _)| Arc::strong_count(key) > 1);
-        self.textures.retain(|_, (key, _)| Arc::strong_count(key) > 1);
+        self.textures
+            .retain(|_, (key, _)| Arc::strong_count(key) > 1);
         let mut instances = Vec::with_capacity(scene.instances.len());
         for instance in &scene.instances {
             let mesh = &instance.visual.mesh;
             if mesh.triangles.is_empty() {
                 continue;
             }
-            let key = Arc::as_ptr(mesh) as usize;
-            if !self.meshes.contains_key(&key) {
-                check_mesh("cpu", mesh)?;
-                let traced = Arc::new(TracedMesh::new(mesh.clone()));
-                self.meshes.insert(key, (mesh.clone(), traced));
-            }
-            let mesh = self.meshes[&key].1.clone();
+            let mesh = match self.meshes.entry(Arc::as_ptr(mesh) as usize) {
+                Entry::Occupied(entry) => entry.get().1.clone(),
+                Entry::Vacant(entry) => {
+                    check_mesh("cpu", mesh)?;
+                    let traced = Arc::new(TracedMesh::new(mesh.clone()));
+                    entry.insert((mesh.clone(), traced)).1.clone()
+                }
+            };
             let material = &instance.visual.material;
             let texture = material.texture.as_ref().and_then(|image| {
                 let key = Arc::as_ptr(image) as usize;
-                let entry = self.textures.entry(key).or_insert_with(|| {
-                    (image.clone(), Pyramid::new(image).map(Arc::new))
-                });
+                let entry = self
+                    .textures
+                    .entry(key)
+                    .or_insert_with(|| (image.clone(), Pyramid::new(image).map(Arc::new)));
                 entry.1.clone()
             });
             let camera_from_mesh = camera_from_world * instance.pose;
@@ -220,7 +224,11 @@ struct TracedMesh {
 impl TracedMesh {
     fn new(mesh: Arc<Mesh>) -> Self {
         let corners = |t: &[u32; 3]| t.map(|i| mesh.positions[i as usize]);
-        let boxes: Vec<Aabb> = mesh.triangles.iter().map(|t| Aabb::of(corners(t))).collect();
+        let boxes: Vec<Aabb> = mesh
+            .triangles
+            .iter()
+            .map(|t| Aabb::of(corners(t)))
+            .collect();
         let bvh = Bvh::new(&boxes);
         let triangles = bvh
             .order
@@ -256,7 +264,13 @@ impl PlacedMesh {
     fn bounds(&self) -> Aabb {
         let Aabb { min, max } = self.mesh.bounds;
         Aabb::of((0..8).map(|i| {
-            let pick = |bit: usize| if i >> bit & 1 == 0 { min[bit] } else { max[bit] };
+            let pick = |bit: usize| {
+                if i >> bit & 1 == 0 {
+                    min[bit]
+                } else {
+                    max[bit]
+                }
+            };
             let corner = Point3::new(pick(0), pick(1), pick(2)).cast::<f64>();
             (self.camera_from_mesh * corner).cast::<f32>()
         }))
@@ -365,15 +379,12 @@ impl View {
         let [wb, wc] = weights.map(|w| w as f32);
         let smooth =
             mesh.normals[a] * (1.0 - wb - wc) + mesh.normals[b] * wb + mesh.normals[c] * wc;
-        let [pa, pb, pc] = [a, b, c].map(|i| mesh.positions[i]);
-        let outward = (pb - pa).cross(&(pc - pa)).cast::<f64>();
-        let outward = placed.camera_from_mesh.rotation * outward;
         let Some(smooth) = smooth.try_normalize(1e-6).filter(|n| n.x.is_finite()) else {
             return *face;
         };
         let smooth = (placed.camera_from_mesh.rotation * smooth.cast::<f64>()).cast::<f32>();
-        // Seen from behind, the surface shows its other side.
-        if outward.dot(&face.cast()) < 0.0 {
+        // Whichever way the triangle's corners go round, the side that is seen counts.
+        if smooth.dot(face) < 0.0 {
             -smooth
         } else {
             smooth

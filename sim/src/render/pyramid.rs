@@ -123,12 +123,7 @@ impl Level {
         let texel = |x: usize, y: usize| {
             self.texels[y * self.width as usize + x].map(|code| LINEAR_OF_8BIT[code as usize])
         };
-        let (a, b, c, d) = (
-            texel(x0, y0),
-            texel(x1, y0),
-            texel(x0, y1),
-            texel(x1, y1),
-        );
+        let (a, b, c, d) = (texel(x0, y0), texel(x1, y0), texel(x0, y1), texel(x1, y1));
         std::array::from_fn(|i| {
             (a[i] * (1.0 - fx) + b[i] * fx) * (1.0 - fy) + (c[i] * (1.0 - fx) + d[i] * fx) * fy
         })
@@ -181,7 +176,10 @@ mod tests {
     #[test]
     fn large_scans_are_halved_and_odd_sizes_work() {
         let pyramid = Pyramid::new(&RgbImage::new(4096, 33)).unwrap();
-        assert_eq!((pyramid.levels[0].width, pyramid.levels[0].height), (2048, 16));
+        assert_eq!(
+            (pyramid.levels[0].width, pyramid.levels[0].height),
+            (2048, 16)
+        );
         assert!(Pyramid::new(&RgbImage::new(0, 5)).is_none());
     }
 }

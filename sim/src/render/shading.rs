@@ -260,8 +260,10 @@ mod tests {
                     }
                 }
                 let reflectance = sum * 2.0 * std::f64::consts::PI / f64::from(steps * steps);
+                // Light that bounces twice between facets is not modelled, so rough surfaces lose some; smooth ones little.
+                let least = if roughness < 0.3 { 0.95 } else { 0.2 };
                 assert!(
-                    reflectance < 1.02 && reflectance > 0.4,
+                    reflectance < 1.02 && reflectance > least,
                     "roughness {roughness}, n_v {n_v}: {reflectance}"
                 );
             }

@@ -29,11 +29,7 @@ pub fn wood(seed: u32) -> RgbImage {
         let joint = 1.0 - smooth((seam.min(butt) / 0.0012).min(1.0));
         light *= 1.0 - 0.45 * joint;
         let warm = 0.03 * (bend - 0.5);
-        [
-            (0.74 + warm) * light,
-            0.565 * light,
-            (0.385 - warm) * light,
-        ]
+        [(0.74 + warm) * light, 0.565 * light, (0.385 - warm) * light]
     })
 }
 
@@ -43,7 +39,12 @@ pub fn cardboard() -> RgbImage {
         let flute = (x * 64.0 * std::f32::consts::TAU).sin();
         let fibre = fractal(x * 40.0, y * 160.0, [40, 160], 11, 3);
         let cloud = fractal(x * 5.0, y * 5.0, [5, 5], 12, 3);
-        let speck = if random(13, (x * SIZE as f32) as u32 / 2, (y * SIZE as f32) as u32 / 2) > 0.996 {
+        let speck = if random(
+            13,
+            (x * SIZE as f32) as u32 / 2,
+            (y * SIZE as f32) as u32 / 2,
+        ) > 0.996
+        {
             0.86
         } else {
             1.0
@@ -130,7 +131,12 @@ fn fractal(x: f32, y: f32, period: [u32; 2], seed: u32, octaves: u32) -> f32 {
     for octave in 0..octaves {
         let scale = (1 << octave) as f32;
         let period = period.map(|p| p << octave);
-        sum += noise(x * scale, y * scale, period, seed.wrapping_add(octave * 101)) / scale;
+        sum += noise(
+            x * scale,
+            y * scale,
+            period,
+            seed.wrapping_add(octave * 101),
+        ) / scale;
         weight += 1.0 / scale;
     }
     sum / weight

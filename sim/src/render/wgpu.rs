@@ -1,7 +1,7 @@
 //! The renderer for graphics adapters (Vulkan, Metal, DX12), without a window.
 //!
 //! Three passes a frame: shadow maps of all lights; depth, labels and angle of incidence with exactly one sample at each
-//! pixel's centre; colour with four samples a pixel. Everything is computed in the camera's frame, so that depth stays
+//! pixel's centre; colour with four samples a pixel, or one on software adapters, where four take three times as long. Everything is computed in the camera's frame, so that depth stays
 //! precise wherever in the world the robot stands.
 
 mod cache;
@@ -36,8 +36,10 @@ use crate::error::{Error, Result};
 use crate::images::Image;
 use crate::pose::{Camera, Pose, World};
 
-/// Side of a shadow map in texels: about 2 mm a texel for a table seen from the ceiling.
-const SHADOW_MAP_SIZE: u32 = 1024;
+/// Side of a shadow map in texels: 1 to 2 mm a texel for a table seen from the ceiling.
+const SHADOW_MAP_SIZE: u32 = 2048;
+/// The same on software adapters, which feel each texel.
+const SMALL_SHADOW_MAP_SIZE: u32 = 1024;
 /// Four lights with six views each.
 const MAX_SHADOW_VIEWS: usize = 6 * MAX_LIGHTS;
 /// Offsets into a uniform buffer must be multiples of this (the default limit of every adapter).
@@ -59,6 +61,7 @@ pub struct WgpuRenderer {
     samples: u32,
     shadow_sampler: Sampler,
     shadow_maps: ShadowMaps,
+    shadow_map_size: u32,
     /// [`Frame`].
     frame: Buffer,
     /// One matrix a shadow view, each at a multiple of [`UNIFORM_ALIGNMENT`].
@@ -110,21 +113,31 @@ struct InstanceUniform {
 }
 
 impl WgpuRenderer {
-    /// Opens the best adapter there is, software ones included, and smooths edges in colour.
+    /// Opens the best adapter there is, software ones included. Edges in colour are smoothed on real devices only.
     ///
     /// # Errors
     /// When there is no adapter, or none that will do.
     pub fn new() -> Result<Self> {
-        Self::with_smooth_edges(true)
+        let gpu = Gpu::open()?;
+        let samples = if gpu.software { 1 } else { 4 };
+        Self::on(gpu, samples)
     }
 
-    /// As [`WgpuRenderer::new`], with four samples a pixel in the colour image or one. Depth and labels always have one.
+    /// As [`WgpuRenderer::new`], with four samples a pixel in the colour image or one, whatever the adapter. Depth and
+    /// labels always have one.
     ///
     /// # Errors
     /// When there is no adapter, or none that will do.
     pub fn with_smooth_edges(smooth_edges: bool) -> Result<Self> {
-        let gpu = Gpu::open()?;
-        let samples = if smooth_edges { 4 } else { 1 };
+        Self::on(Gpu::open()?, if smooth_edges { 4 } else { 1 })
+    }
+
+    fn on(gpu: Gpu, samples: u32) -> Result<Self> {
+        let shadow_map_size = if gpu.software {
+            SMALL_SHADOW_MAP_SIZE
+        } else {
+            SHADOW_MAP_SIZE
+        };
         let pipelines = Pipelines::new(&gpu.device, samples);
         let cache = Cache::new(&gpu, &pipelines.texture_group);
         let buffer = |label, size, usage| {
@@ -154,7 +167,8 @@ impl WgpuRenderer {
                 compare: Some(CompareFunction::LessEqual),
                 ..Default::default()
             }),
-            shadow_maps: ShadowMaps::new(&gpu, SHADOW_MAP_SIZE, 1),
+            shadow_maps: ShadowMaps::new(&gpu, shadow_map_size, 1),
+            shadow_map_size,
             targets: None,
             samples,
             cache,
@@ -279,7 +293,7 @@ impl WgpuRenderer {
                 let uniform = &mut frame.lights[i];
                 uniform.first_layer = layer as i32;
                 uniform.faces = views.shadow_from_camera.len() as u32;
-                uniform.texel = (views.width_at_1m / f64::from(SHADOW_MAP_SIZE)) as f32;
+                uniform.texel = (views.width_at_1m / f64::from(self.shadow_map_size)) as f32;
                 for matrix in &views.shadow_from_camera {
                     frame.shadow_from_camera[layer] = (*matrix).into();
                     self.gpu.queue.write_buffer(
@@ -314,7 +328,7 @@ impl WgpuRenderer {
                 label: Some("shadow"),
                 depth_stencil_attachment: Some(depth_buffer(
                     &self.shadow_maps.layers[layer],
-                    1.0,
+                    LoadOp::Clear(1.0),
                     StoreOp::Store,
                 )),
                 ..Default::default()
@@ -349,8 +363,8 @@ impl WgpuRenderer {
                 .map(|view| Some(target(view, None, Color::TRANSPARENT))),
             depth_stencil_attachment: Some(depth_buffer(
                 &targets.geometry_depth,
-                0.0,
-                StoreOp::Discard,
+                LoadOp::Clear(0.0),
+                StoreOp::Store,
             )),
             ..Default::default()
         });
@@ -364,18 +378,22 @@ impl WgpuRenderer {
 
         let [r, g, b] = background.map(f64::from);
         let clear = Color { r, g, b, a: 1.0 };
-        let color = match &targets.multisampled {
-            Some(view) => target(view, Some(&targets.color), clear),
-            None => target(&targets.color, None, clear),
+        let (color, depth, load) = match &targets.multisampled {
+            Some([view, depth]) => (
+                target(view, Some(&targets.color), clear),
+                depth,
+                LoadOp::Clear(0.0),
+            ),
+            None => (
+                target(&targets.color, None, clear),
+                &targets.geometry_depth,
+                LoadOp::Load,
+            ),
         };
         let mut pass = encoder.begin_render_pass(&RenderPassDescriptor {
             label: Some("color"),
             color_attachments: &[Some(color)],
-            depth_stencil_attachment: Some(depth_buffer(
-                &targets.color_depth,
-                0.0,
-                StoreOp::Discard,
-            )),
+            depth_stencil_attachment: Some(depth_buffer(depth, load, StoreOp::Discard)),
             ..Default::default()
         });
         pass.set_pipeline(&self.pipelines.color);
@@ -397,7 +415,11 @@ impl WgpuRenderer {
         pass.draw_indexed(0..mesh.index_count, 0, index..index + 1);
     }
 
-    fn group(&self, layout: &wgpu::BindGroupLayout, resources: &[BindingResource<'_>]) -> BindGroup {
+    fn group(
+        &self,
+        layout: &wgpu::BindGroupLayout,
+        resources: &[BindingResource<'_>],
+    ) -> BindGroup {
         let entries: Vec<BindGroupEntry<'_>> = resources
             .iter()
             .enumerate()
@@ -445,7 +467,7 @@ impl Renderer for WgpuRenderer {
         let shadows = self.shadow_views(&drawn, &lighting, &camera_from_world);
         let views = self.write_frame(&lighting, &shadows, intrinsics);
         if views > self.shadow_maps.layers.len() {
-            self.shadow_maps = ShadowMaps::new(&self.gpu, SHADOW_MAP_SIZE, views as u32);
+            self.shadow_maps = ShadowMaps::new(&self.gpu, self.shadow_map_size, views as u32);
         }
         let targets = match self.targets.take() {
             Some(targets) if (targets.width, targets.height) == (width, height) => targets,
@@ -473,9 +495,11 @@ impl Renderer for WgpuRenderer {
                     .map(|b| u32::from_le_bytes(*b) as u16),
             );
             cosines.extend(cos.as_chunks().0.iter().map(|b| f32::from_le_bytes(*b)));
-            luminances.extend(color.as_chunks::<8>().0.iter().map(|b| {
-                [0, 2, 4].map(|i| float_of_half(u16::from_le_bytes([b[i], b[i + 1]])))
-            }));
+            luminances.extend(
+                color.as_chunks::<8>().0.iter().map(|b| {
+                    [0, 2, 4].map(|i| float_of_half(u16::from_le_bytes([b[i], b[i + 1]])))
+                }),
+            );
         })?;
         self.targets = Some(targets);
         let whole = || failed("the picture came back incomplete");
@@ -488,13 +512,14 @@ impl Renderer for WgpuRenderer {
     }
 }
 
-fn depth_buffer(view: &TextureView, clear: f32, store: StoreOp) -> RenderPassDepthStencilAttachment<'_> {
+fn depth_buffer(
+    view: &TextureView,
+    load: LoadOp<f32>,
+    store: StoreOp,
+) -> RenderPassDepthStencilAttachment<'_> {
     RenderPassDepthStencilAttachment {
         view,
-        depth_ops: Some(Operations {
-            load: LoadOp::Clear(clear),
-            store,
-        }),
+        depth_ops: Some(Operations { load, store }),
         stencil_ops: None,
     }
 }

@@ -3,8 +3,8 @@
 //! The model is EMVA 1288's: electrons follow light and exposure time; photon (shot) noise has the variance of the electrons, the
 //! read-out adds its own; gain multiplies signal and noise alike. So a dark room gives a picture that is dim and noisy.
 
-use rand_distr::{Distribution, StandardNormal};
 use rand_chacha::ChaCha8Rng;
+use rand_distr::{Distribution, StandardNormal};
 use rayon::prelude::*;
 
 use super::RowStreams;
@@ -27,6 +27,9 @@ pub struct ColorSensor {
     pub levels: f64,
     /// Mean signal that auto exposure aims at, as a share of full scale. Default 0.18, photography's middle grey.
     pub target: f64,
+    /// Share of a pixel's light that lens and demosaicing spread to each of its two neighbours along rows, and along
+    /// columns. Default 0.1, a point spread of 0.45 px (standard deviation).
+    pub spread: f64,
     /// Share of the light's colour that white balance removes: 1 makes white paper white, 0 leaves it. Default 0.85.
     pub white_balance: f64,
 }
@@ -39,6 +42,7 @@ impl Default for ColorSensor {
             read_noise: 4.0,
             levels: 1023.0,
             target: 0.18,
+            spread: 0.1,
             white_balance: 0.85,
         }
     }
@@ -72,7 +76,11 @@ impl ColorSensor {
     pub fn auto_exposure(&self, radiance: &RadianceImage, limits: &ExposureLimits) -> Exposure {
         let mut luminance: Vec<f64> = (0..radiance.height())
             .step_by(METER_STRIDE)
-            .flat_map(|v| (0..radiance.width()).step_by(METER_STRIDE).map(move |u| (u, v)))
+            .flat_map(|v| {
+                (0..radiance.width())
+                    .step_by(METER_STRIDE)
+                    .map(move |u| (u, v))
+            })
             .map(|(u, v)| {
                 let [r, g, b] = radiance.at(u, v).map(f64::from);
                 // Rec. 709 luminance.
@@ -135,10 +143,10 @@ impl ColorSensor {
         let mut pixels = vec![0_u8; 3 * width * height];
         pixels
             .par_chunks_mut(3 * width)
-            .zip(radiance.data().par_chunks(width))
             .enumerate()
-            .for_each(|(v, (row, light))| {
+            .for_each(|(v, row)| {
                 let mut rng = streams.row(v);
+                let light = blurred_row(radiance, v, self.spread as f32);
                 for (pixel, light) in row.as_chunks_mut::<3>().0.iter_mut().zip(light) {
                     for c in 0..3 {
                         let electrons = (light[c] * electrons_per_nit).clamp(0.0, full_well);
@@ -175,6 +183,32 @@ impl ColorSensor {
             share.powf(-self.white_balance) as f32
         })
     }
+}
+
+/// Row `v` after each pixel has given `spread` of its light to each neighbour along rows and along columns.
+fn blurred_row(radiance: &RadianceImage, v: usize, spread: f32) -> Vec<[f32; 3]> {
+    let (width, height) = (radiance.width(), radiance.height());
+    let row = |v: usize| &radiance.data()[v * width..(v + 1) * width];
+    let mix = |a: [f32; 3], b: [f32; 3], c: [f32; 3]| -> [f32; 3] {
+        std::array::from_fn(|i| b[i] + spread * (a[i] - 2.0 * b[i] + c[i]))
+    };
+    let (above, here, below) = (
+        row(v.saturating_sub(1)),
+        row(v),
+        row((v + 1).min(height - 1)),
+    );
+    let column: Vec<[f32; 3]> = (0..width)
+        .map(|u| mix(above[u], here[u], below[u]))
+        .collect();
+    (0..width)
+        .map(|u| {
+            mix(
+                column[u.saturating_sub(1)],
+                column[u],
+                column[(u + 1).min(width - 1)],
+            )
+        })
+        .collect()
 }
 
 #[cfg(test)]
@@ -230,7 +264,8 @@ mod tests {
             .map(|&c| f64::from(crate::render::srgb::LINEAR_OF_8BIT[c as usize]) * 6000.0 / 4.0)
             .collect();
         let mean = values.iter().sum::<f64>() / values.len() as f64;
-        let sigma = (values.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / values.len() as f64).sqrt();
+        let sigma =
+            (values.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / values.len() as f64).sqrt();
         let expected = (electrons + 16.0).sqrt();
         assert!((mean / electrons - 1.0).abs() < 0.01, "{mean} {electrons}");
         assert!((sigma / expected - 1.0).abs() < 0.03, "{sigma} {expected}");
@@ -255,7 +290,11 @@ mod tests {
             let picture = sensor.expose(&card, &condition(lux, 16.0), &mut rng::stream(2, "t"));
             let count = picture.len() as f64;
             let mean = picture.iter().map(|&c| f64::from(c)).sum::<f64>() / count;
-            let variance = picture.iter().map(|&c| (f64::from(c) - mean).powi(2)).sum::<f64>() / count;
+            let variance = picture
+                .iter()
+                .map(|&c| (f64::from(c) - mean).powi(2))
+                .sum::<f64>()
+                / count;
             (mean, variance.sqrt())
         };
         let (day, day_noise) = statistics(400.0);
@@ -286,13 +325,21 @@ mod tests {
     #[test]
     fn pictures_do_not_depend_on_the_number_of_threads() {
         let take = |threads| {
-            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            let pool = rayon::ThreadPoolBuilder::new()
+                .num_threads(threads)
+                .build()
+                .unwrap();
             let exposure = Exposure {
                 time_s: 0.01,
                 gain: 1.0,
             };
             pool.install(|| {
-                ColorSensor::default().develop(&card(50.0), exposure, [1.0; 3], &mut rng::stream(3, "t"))
+                ColorSensor::default().develop(
+                    &card(50.0),
+                    exposure,
+                    [1.0; 3],
+                    &mut rng::stream(3, "t"),
+                )
             })
         };
         assert_eq!(take(1), take(3));

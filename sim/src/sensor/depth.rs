@@ -231,9 +231,15 @@ mod tests {
         for name in DepthNoise::NAMES {
             assert!(DepthNoise::from_name(name).is_ok());
         }
-        assert_eq!(DepthNoise::from_name("carmine-109").unwrap(), DepthNoise::default());
+        assert_eq!(
+            DepthNoise::from_name("carmine-109").unwrap(),
+            DepthNoise::default()
+        );
         let error = DepthNoise::from_name("kinect").unwrap_err().to_string();
-        assert!(error.contains("kinect") && error.contains("redwood"), "{error}");
+        assert!(
+            error.contains("kinect") && error.contains("redwood"),
+            "{error}"
+        );
     }
 
     #[test]
@@ -256,7 +262,10 @@ mod tests {
             let expected = 0.0012 + 0.0019 * (depth - 0.4).powi(2) + 0.0001 / depth.sqrt() * steep;
             assert_eq!(valid, 1.0);
             assert!(bias.abs() < 0.03 * expected, "{z} {theta}: bias {bias}");
-            assert!((sigma / expected - 1.0).abs() < 0.02, "{z} {theta}: {sigma} {expected}");
+            assert!(
+                (sigma / expected - 1.0).abs() < 0.02,
+                "{z} {theta}: {sigma} {expected}"
+            );
         }
     }
 
@@ -285,7 +294,11 @@ mod tests {
 
     #[test]
     fn redwood_has_its_published_step_and_sigma() {
-        for (z, step, sigma) in [(0.6, 0.001_28, 0.000_285), (1.0, 0.003_56, 0.000_79), (1.5, 0.008_0, 0.001_78)] {
+        for (z, step, sigma) in [
+            (0.6, 0.001_28, 0.000_285),
+            (1.0, 0.003_56, 0.000_79),
+            (1.5, 0.008_0, 0.001_78),
+        ] {
             let read = DepthNoise::Redwood.apply(&flat(z, 0.0), &CAMERA, &mut rng::stream(3, "t"));
             let mut levels: Vec<f32> = read.data().to_vec();
             levels.sort_by(f32::total_cmp);
@@ -298,16 +311,20 @@ mod tests {
             let mut squares = 0.0;
             for i in 0..16 {
                 let z = z + step * (i as f32 + 0.5) / 16.0;
-                let read = DepthNoise::Redwood.apply(&flat(z, 0.0), &CAMERA, &mut rng::stream(i, "t"));
+                let read =
+                    DepthNoise::Redwood.apply(&flat(z, 0.0), &CAMERA, &mut rng::stream(i, "t"));
                 let (bias, sigma, _) = statistics(&read, z);
                 squares += bias * bias + sigma * sigma;
             }
             let total = (squares / 16.0).sqrt();
             let expected = (f64::from(step * step) / 12.0 + sigma * sigma).sqrt();
-            assert!((total / expected - 1.0).abs() < 0.03, "{z}: {total} {expected}");
+            assert!(
+                (total / expected - 1.0).abs() < 0.03,
+                "{z}: {total} {expected}"
+            );
         }
         let far = DepthNoise::Redwood.apply(&flat(10.5, 0.0), &CAMERA, &mut rng::stream(3, "t"));
-        assert_eq!(statistics(&far, 10.5).2, 0.0_f64.max(1.0 / (320.0 * 240.0)));
+        assert!(far.data().iter().all(|&z| z == 0.0));
     }
 
     #[test]
@@ -316,7 +333,10 @@ mod tests {
         for name in DepthNoise::NAMES {
             let noise = DepthNoise::from_name(name).unwrap();
             let take = |threads| {
-                let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+                let pool = rayon::ThreadPoolBuilder::new()
+                    .num_threads(threads)
+                    .build()
+                    .unwrap();
                 pool.install(|| noise.apply(&rendering, &CAMERA, &mut rng::stream(5, "t")))
             };
             assert_eq!(take(1), take(3), "{name}");

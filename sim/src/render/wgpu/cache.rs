@@ -1,6 +1,7 @@
 //! Meshes and textures on the device, uploaded once and found again by the identity of their `Arc`.
 
 use std::collections::HashMap;
+use std::collections::hash_map::Entry;
 use std::sync::Arc;
 
 use bytemuck::{Pod, Zeroable};
@@ -85,10 +86,9 @@ impl Cache {
     }
 
     pub fn add_mesh(&mut self, gpu: &Gpu, mesh: &Arc<Mesh>) -> Result<()> {
-        if !self.meshes.contains_key(&key(mesh)) {
+        if let Entry::Vacant(entry) = self.meshes.entry(key(mesh)) {
             check_mesh("wgpu", mesh)?;
-            self.meshes
-                .insert(key(mesh), (mesh.clone(), upload_mesh(gpu, mesh)));
+            entry.insert((mesh.clone(), upload_mesh(gpu, mesh)));
         }
         Ok(())
     }
@@ -144,7 +144,11 @@ fn upload_mesh(gpu: &Gpu, mesh: &Mesh) -> GpuMesh {
     );
     let center = nalgebra::center(&low, &high);
     GpuMesh {
-        vertices: buffer("vertices", bytemuck::cast_slice(&vertices), BufferUsages::VERTEX),
+        vertices: buffer(
+            "vertices",
+            bytemuck::cast_slice(&vertices),
+            BufferUsages::VERTEX,
+        ),
         indices: buffer(
             "indices",
             bytemuck::cast_slice(&mesh.triangles),

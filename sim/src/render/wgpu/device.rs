@@ -15,6 +15,8 @@ pub(super) struct Gpu {
     pub device: Device,
     pub queue: Queue,
     pub limits: Limits,
+    /// Whether the adapter is a program and not a device.
+    pub software: bool,
     /// Adapter, driver and interface, for people.
     pub info: String,
     /// The first error that the device reported outside a call; later ones follow from it.
@@ -24,12 +26,7 @@ pub(super) struct Gpu {
 impl Gpu {
     /// Opens the best adapter: a discrete GPU before an integrated one before a software one.
     pub fn open() -> Result<Self> {
-        let instance = Instance::new(InstanceDescriptor {
-            backends: Backends::PRIMARY,
-            // No validation layers and no debug markers: they cost time and some print to stderr.
-            flags: InstanceFlags::empty(),
-            ..InstanceDescriptor::new_without_display_handle()
-        });
+        let instance = windowless_instance();
         let mut adapters = pollster::block_on(instance.enumerate_adapters(Backends::PRIMARY));
         adapters.sort_by_key(|adapter| preference(adapter.get_info().device_type));
         let mut refusals = Vec::new();
@@ -71,6 +68,7 @@ impl Gpu {
             device,
             queue,
             limits,
+            software: info.device_type == DeviceType::Cpu,
             info: format!(
                 "{} ({:?}, {:?}, {} {})",
                 info.name, info.device_type, info.backend, info.driver, info.driver_info
@@ -87,6 +85,55 @@ impl Gpu {
                 "{message}; the driver may be at fault, try --renderer cpu"
             )))
         })
+    }
+}
+
+/// An instance that never looks for a window system.
+fn windowless_instance() -> Instance {
+    #[cfg(target_os = "linux")]
+    if let Some(instance) = quiet_vulkan() {
+        return instance;
+    }
+    Instance::new(InstanceDescriptor {
+        backends: Backends::PRIMARY,
+        // No validation layers and no debug markers: they cost time and some print to stderr.
+        flags: InstanceFlags::empty(),
+        ..InstanceDescriptor::new_without_display_handle()
+    })
+}
+
+/// Vulkan without the extensions for X11 and Wayland windows. wgpu asks for them always, and with them Mesa's device
+/// selection layer goes looking for a display and complains on stderr where there is none; `None` without Vulkan.
+#[cfg(target_os = "linux")]
+#[expect(
+    unsafe_code,
+    reason = "wgpu takes a changed list of Vulkan extensions only through its unsafe interface"
+)]
+fn quiet_vulkan() -> Option<Instance> {
+    const WINDOWS: [&std::ffi::CStr; 3] = [
+        c"VK_KHR_xlib_surface",
+        c"VK_KHR_xcb_surface",
+        c"VK_KHR_wayland_surface",
+    ];
+    let descriptor = wgpu::hal::InstanceDescriptor {
+        name: "grip",
+        flags: InstanceFlags::empty(),
+        memory_budget_thresholds: Default::default(),
+        backend_options: Default::default(),
+        telemetry: None,
+        display: None,
+    };
+    let without_windows: Box<wgpu::hal::vulkan::CreateInstanceCallback<'_>> = Box::new(|args| {
+        args.extensions.retain(|name| !WINDOWS.contains(name));
+    });
+    // SAFETY: the three extensions serve nothing but surfaces for windows, which this module never makes; no other
+    // extension that wgpu enables depends on them, and nothing is added.
+    unsafe {
+        let instance =
+            wgpu::hal::vulkan::Instance::init_with_callback(&descriptor, Some(without_windows));
+        instance
+            .ok()
+            .map(|instance| Instance::from_hal::<wgpu::hal::api::Vulkan>(instance))
     }
 }
 

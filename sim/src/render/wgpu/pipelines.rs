@@ -120,7 +120,7 @@ impl Pipelines {
                 primitive: PrimitiveState::default(),
                 depth_stencil: Some(DepthStencilState {
                     format: DEPTH_BUFFER,
-                    depth_write_enabled: Some(true),
+                    depth_write_enabled: Some(stage.writes_depth),
                     depth_compare: Some(stage.nearer),
                     stencil: Default::default(),
                     bias: Default::default(),
@@ -149,6 +149,7 @@ impl Pipelines {
                 groups: &[Some(&shadow_group)],
                 targets: &[],
                 nearer: CompareFunction::Less,
+                writes_depth: true,
                 samples: 1,
             }),
             geometry: pipeline(&Stage {
@@ -160,6 +161,7 @@ impl Pipelines {
                 targets: &[DEPTH, LABELS, COS],
                 // The camera's depth buffer is reversed (1 near, 0 at infinity): even precision at all distances.
                 nearer: CompareFunction::Greater,
+                writes_depth: true,
                 samples: 1,
             }),
             color: pipeline(&Stage {
@@ -169,7 +171,13 @@ impl Pipelines {
                 fragment: Some("fs_color"),
                 groups: &scene_groups,
                 targets: &[COLOR],
-                nearer: CompareFunction::Greater,
+                // With one sample it starts from the depths of the geometry pass and shades each pixel once.
+                nearer: if samples == 1 {
+                    CompareFunction::Equal
+                } else {
+                    CompareFunction::Greater
+                },
+                writes_depth: samples > 1,
                 samples,
             }),
             shadow_group,
@@ -188,6 +196,7 @@ struct Stage<'a> {
     groups: &'a [Option<&'a BindGroupLayout>],
     targets: &'a [TextureFormat],
     nearer: CompareFunction,
+    writes_depth: bool,
     samples: u32,
 }
 

@@ -52,7 +52,8 @@ struct Instance {
 @group(1) @binding(1) var base_sampler: sampler;
 
 struct Varying {
-    @builtin(position) clip: vec4f,
+    // Invariant: the colour pass may test against the depths that the geometry pass has left.
+    @invariant @builtin(position) clip: vec4f,
     @location(0) point: vec3f,
     @location(1) normal: vec3f,
     @location(2) uv: vec2f,
@@ -86,13 +87,15 @@ fn vs_main(
     return out;
 }
 
-// The smooth unit normal on the side that is seen.
-fn seen_normal(in: Varying, front: bool) -> vec3f {
+// The smooth unit normal on the side of the triangle that is seen, whichever way its corners go round.
+fn seen_normal(in: Varying) -> vec3f {
+    let across = cross(dpdx(in.point), dpdy(in.point));
+    let face = select(across, -across, dot(across, in.point) > 0.0);
     let length = length(in.normal);
     if length < 1e-6 {
-        return -normalize(in.point);
+        return normalize(face);
     }
-    return select(-in.normal, in.normal, front) / length;
+    return select(in.normal, -in.normal, dot(in.normal, face) < 0.0) / length;
 }
 
 struct Geometry {
@@ -102,11 +105,11 @@ struct Geometry {
 }
 
 @fragment
-fn fs_geometry(in: Varying, @builtin(front_facing) front: bool) -> Geometry {
+fn fs_geometry(in: Varying) -> Geometry {
     var out: Geometry;
     out.depth = in.point.z;
     out.label = instances[in.instance].label;
-    out.cos_incidence = min(abs(dot(seen_normal(in, front), normalize(in.point))), 1.0);
+    out.cos_incidence = min(abs(dot(seen_normal(in), normalize(in.point))), 1.0);
     return out;
 }
 
@@ -165,7 +168,7 @@ fn lit(light: Light, point: vec3f, normal: vec3f, to_light: vec3f) -> f32 {
     let texel = light.texel * length(from_light);
     let cos_angle = clamp(dot(normal, to_light), 0.0, 1.0);
     let slope = sqrt(1.0 - cos_angle * cos_angle);
-    let raised = point + normal * (texel * (0.5 + 1.8 * slope)) + to_light * (0.6 * texel + 2e-4);
+    let raised = point + normal * (texel * (0.2 + 1.7 * slope)) + to_light * (0.2 * texel + 2e-4);
     var layer = light.first_layer;
     if light.faces == 6u {
         layer += cube_face(raised - light.position);
@@ -188,11 +191,11 @@ fn lit(light: Light, point: vec3f, normal: vec3f, to_light: vec3f) -> f32 {
 }
 
 @fragment
-fn fs_color(in: Varying, @builtin(front_facing) front: bool) -> @location(0) vec4f {
+fn fs_color(in: Varying) -> @location(0) vec4f {
     let instance = instances[in.instance];
     let texel = textureSample(base_texture, base_sampler, in.uv).rgb;
     let albedo = instance.base_color * in.color * texel;
-    let normal = seen_normal(in, front);
+    let normal = seen_normal(in);
     let view = -normalize(in.point);
     let n_v = max(dot(normal, view), 1e-3);
     let specular = mix(vec3f(0.04), albedo, instance.metallic);

@@ -110,7 +110,13 @@ pub(super) fn shadow_views(light: &ViewLight, casters: &[Caster]) -> Option<Shad
 }
 
 /// Perspective from `eye` along unit vector `forward`, depth 0 at `near` and 1 at `far`.
-fn look(eye: Point3<f64>, forward: Vector3<f64>, tangent: f64, near: f64, far: f64) -> Matrix4<f32> {
+fn look(
+    eye: Point3<f64>,
+    forward: Vector3<f64>,
+    tangent: f64,
+    near: f64,
+    far: f64,
+) -> Matrix4<f32> {
     let side = if forward.x.abs() < 0.9 {
         Vector3::x()
     } else {

@@ -19,14 +19,13 @@ pub(super) struct Targets {
     pub width: usize,
     pub height: usize,
     pub geometry_depth: TextureView,
-    pub color_depth: TextureView,
     pub depth: TextureView,
     pub labels: TextureView,
     pub cos: TextureView,
     /// One sample a pixel: what is read back.
     pub color: TextureView,
-    /// Several samples a pixel, resolved into `color`.
-    pub multisampled: Option<TextureView>,
+    /// Colour and depth buffer with several samples a pixel; the former is resolved into `color`.
+    pub multisampled: Option<[TextureView; 2]>,
     readback: Buffer,
     /// In the buffer's order.
     copies: [Copy; 4],
@@ -82,12 +81,12 @@ impl Targets {
             width,
             height,
             geometry_depth: view(&texture(DEPTH_BUFFER, 1)),
-            color_depth: view(&texture(DEPTH_BUFFER, samples)),
             depth: view(&copies[0].texture),
             labels: view(&copies[1].texture),
             cos: view(&copies[2].texture),
             color: view(&copies[3].texture),
-            multisampled: (samples > 1).then(|| view(&texture(COLOR, samples))),
+            multisampled: (samples > 1)
+                .then(|| [COLOR, DEPTH_BUFFER].map(|format| view(&texture(format, samples)))),
             readback: gpu.device.create_buffer(&BufferDescriptor {
                 label: Some("readback"),
                 size: end as u64,

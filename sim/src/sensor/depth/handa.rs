@@ -64,7 +64,10 @@ fn bilinear(image: &DepthImage, u: f32, v: f32) -> f32 {
     let u = u.clamp(0.0, (image.width() - 1) as f32);
     let v = v.clamp(0.0, (image.height() - 1) as f32);
     let (u0, v0) = (u as usize, v as usize);
-    let (u1, v1) = ((u0 + 1).min(image.width() - 1), (v0 + 1).min(image.height() - 1));
+    let (u1, v1) = (
+        (u0 + 1).min(image.width() - 1),
+        (v0 + 1).min(image.height() - 1),
+    );
     let (fu, fv) = (u.fract(), v.fract());
     let [a, b, c, d] = [(u0, v0), (u1, v0), (u0, v1), (u1, v1)].map(|(u, v)| *image.at(u, v));
     if a > 0.0 && b > 0.0 && c > 0.0 && d > 0.0 {
@@ -137,7 +140,10 @@ mod tests {
             let (bias, sigma, valid) = statistics(&read, z);
             assert!(valid > 0.99, "{valid}");
             // Half a step of bias (the formula's 0.5), half a centimetre of rounding, half a step of quantised disparity.
-            assert!(bias.abs() < step + 0.005 + 0.004 * f64::from(z * z), "{z}: {bias}");
+            assert!(
+                bias.abs() < step + 0.005 + 0.004 * f64::from(z * z),
+                "{z}: {bias}"
+            );
             assert!(sigma < step, "{z}: {sigma}");
         }
         assert!((1.0 / 351.3 - 0.00285_f64).abs() < 1e-5);
@@ -158,7 +164,10 @@ mod tests {
             let mean = sum / count;
             let sigma = (squares / count - mean * mean).sqrt();
             assert!((mean - 0.5).abs() < 0.12, "{z}: {mean}");
-            assert!((sigma - (1.0_f64 / 36.0 + 1.0 / 12.0).sqrt()).abs() < 0.06, "{z}: {sigma}");
+            assert!(
+                (sigma - (1.0_f64 / 36.0 + 1.0 / 12.0).sqrt()).abs() < 0.06,
+                "{z}: {sigma}"
+            );
         }
     }
 
