@@ -74,7 +74,7 @@ impl Planner {
         let name = belief.objects.get(target).map_or_else(|| format!("object {target}"), |o| o.name.clone());
         let fail = |(stage, reason): (PlanStage, String), mut counters: PlanCounters| {
             counters.seconds = clock.elapsed().as_secs_f64();
-            PlanFailure { stage, object: name.clone(), reason, counters }
+            PlanFailure { stage, object: name.clone(), reason, counters: Box::new(counters) }
         };
         self.check_input(belief, &[q_now]).map_err(|e| fail(e, PlanCounters::default()))?;
         if target >= belief.objects.len() {

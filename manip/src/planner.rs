@@ -85,7 +85,7 @@ impl Planner {
             })
             .map_err(|(stage, reason)| {
                 counters.seconds = clock.elapsed().as_secs_f64();
-                PlanFailure { stage, object: "free motion".into(), reason, counters }
+                PlanFailure { stage, object: "free motion".into(), reason, counters: Box::new(counters) }
             })
     }
 
