@@ -59,7 +59,13 @@ fn cases(bins: bool) -> Vec<Case> {
         for table in [0.60, 0.65, 0.70, 0.75] {
             for (x, y) in [(0.50, -0.40), (0.50, -0.45), (0.52, -0.42), (0.55, -0.42)] {
                 for near in [0.30, 0.34] {
-                    cases.push((table, near, [[0.45, -0.13], [0.75, 0.29]], [x, y, table + 0.008, half_pi], 0.36));
+                    cases.push((
+                        table,
+                        near,
+                        [[0.45, -0.13], [0.75, 0.29]],
+                        [x, y, table + 0.008, half_pi],
+                        0.36,
+                    ));
                 }
             }
         }
@@ -112,17 +118,8 @@ fn main() {
         let (yaw, half_width) = (bin[3], 0.62);
         let bin = [bin[0], bin[1], bin[2]];
         start[config.arm_with_torso[0]] = torso;
-        let g = Geometry {
-            table,
-            near,
-            depth: 0.6,
-            half_width,
-            region,
-            bin,
-            bin_yaw: yaw,
-            wall: 0.12,
-            torso,
-        };
+        let g =
+            Geometry { table, near, depth: 0.6, half_width, region, bin, bin_yaw: yaw, wall: 0.12, torso };
         let checker = grip_manip::collision::CollisionChecker::new(solver.robot().clone(), &belief(&g));
         let query = grip_manip::collision::Query {
             held: None,

@@ -145,9 +145,7 @@ struct Pair {
 
 /// The largest angle between a contact normal and the closing axis for a pad on this object, radians.
 pub fn cone(model: &ObjectModel, settings: &AntipodalSettings) -> f64 {
-    (settings.friction_share * 0.5 * (PAD_FRICTION + model.info.friction))
-        .max(0.0)
-        .atan()
+    (settings.friction_share * 0.5 * (PAD_FRICTION + model.info.friction)).max(0.0).atan()
 }
 
 /// All grasps found, in a fixed order. `hand_fits(object_from_gripper, opening)` says whether the hand is clear of the
@@ -173,9 +171,7 @@ pub fn antipodal_grasps(
                     rotation,
                 );
                 let opening = narrow_opening(pair.width, gripper);
-                let Some(contact) =
-                    pad_contact(surface, &gripper.pad_half_extents, &pose, opening)
-                else {
+                let Some(contact) = pad_contact(surface, &gripper.pad_half_extents, &pose, opening) else {
                     continue;
                 };
                 if contact.cone_angle > cone || contact.width > settings.max_width {
@@ -237,11 +233,7 @@ fn contact_pairs(
                     && a.normal.angle(&-dir) <= cone
                     && b.normal.angle(&dir) <= cone;
                 if within {
-                    pairs.push(Pair {
-                        center: nalgebra::center(&a.point, &b.point),
-                        axis: dir,
-                        width,
-                    });
+                    pairs.push(Pair { center: nalgebra::center(&a.point, &b.point), axis: dir, width });
                 }
             }
         }

@@ -57,8 +57,7 @@ impl BeliefScene {
         if !self.world_from_base.is_finite() {
             return Some("world_from_base is not finite".into());
         }
-        if !(bin.world_from_bin.is_finite() && bin.inner.iter().all(|v| *v > 0.0 && v.is_finite()))
-        {
+        if !(bin.world_from_bin.is_finite() && bin.inner.iter().all(|v| *v > 0.0 && v.is_finite())) {
             return Some(format!("the bin's pose or inner size {:?} is not usable", bin.inner));
         }
         if !(self.table_height.is_finite() && bin.wall_height.is_finite()) {
@@ -85,9 +84,7 @@ pub fn bin_fixtures(bin: &BinGeometry, thickness: f64) -> Vec<CollisionShape> {
     let (h, t) = (0.5 * bin.wall_height, 0.5 * thickness);
     let part = |center: [f64; 3], half: [f64; 3]| CollisionShape {
         pose: bin.world_from_bin.iso() * Translation3::new(center[0], center[1], center[2]),
-        geometry: Convex::Cuboid {
-            half: Vector3::from(half),
-        },
+        geometry: Convex::Cuboid { half: Vector3::from(half) },
     };
     vec![
         part([0.0, 0.0, -t], [x + thickness, y + thickness, t]),

@@ -30,10 +30,7 @@ impl CartesianPath {
 
     /// The same motion backwards.
     pub fn reversed(&self) -> Self {
-        Self {
-            waypoints: self.waypoints.iter().rev().cloned().collect(),
-            step: self.step,
-        }
+        Self { waypoints: self.waypoints.iter().rev().cloned().collect(), step: self.step }
     }
 
     /// Length of the gripper's way, metres.
@@ -70,19 +67,12 @@ pub fn straight_line(
     let mut waypoints = vec![q.to_vec()];
     for k in 1..=n {
         let t = k as f64 / n as f64;
-        let position = start
-            .translation
-            .vector
-            .lerp(&base_from_goal.translation.vector, t);
-        let rotation = start
-            .rotation
-            .try_slerp(&base_from_goal.rotation, t, 1e-6)
-            .unwrap_or(base_from_goal.rotation);
+        let position = start.translation.vector.lerp(&base_from_goal.translation.vector, t);
+        let rotation =
+            start.rotation.try_slerp(&base_from_goal.rotation, t, 1e-6).unwrap_or(base_from_goal.rotation);
         let target = Isometry3::from_parts(Translation3::from(position), rotation);
         let last = &waypoints[k - 1];
-        let next = solver
-            .descend(last, &target, 16, SMOOTH)
-            .ok_or(CartesianFailure::NoIk)?;
+        let next = solver.descend(last, &target, 16, SMOOTH).ok_or(CartesianFailure::NoIk)?;
         if last.iter().zip(&next).any(|(a, b)| (a - b).abs() > JUMP) {
             return Err(CartesianFailure::Jump);
         }
@@ -91,10 +81,7 @@ pub fn straight_line(
         }
         waypoints.push(next);
     }
-    Ok(CartesianPath {
-        waypoints,
-        step: length / n as f64,
-    })
+    Ok(CartesianPath { waypoints, step: length / n as f64 })
 }
 
 /// [`straight_line`] along a displacement in the base frame, orientation kept.

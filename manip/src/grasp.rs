@@ -56,15 +56,7 @@ pub struct GraspWeights {
 
 impl Default for GraspWeights {
     fn default() -> Self {
-        Self {
-            gravity: 1.0,
-            lever: 1.2,
-            room: 1.0,
-            contact: 0.6,
-            depth: 0.5,
-            cone: 0.4,
-            clearance: 0.6,
-        }
+        Self { gravity: 1.0, lever: 1.2, room: 1.0, contact: 0.6, depth: 0.5, cone: 0.4, clearance: 0.6 }
     }
 }
 
@@ -131,10 +123,7 @@ impl GraspCache {
         }
         // Made without the lock: other threads may plan other objects meanwhile, and the result is the same for all.
         let made = Arc::new(object_grasps(model, robot, gripper, settings));
-        lock()
-            .entry(model.info.name.clone())
-            .or_insert(made)
-            .clone()
+        lock().entry(model.info.name.clone()).or_insert(made).clone()
     }
 }
 
@@ -145,10 +134,7 @@ fn object_grasps(
     settings: &AntipodalSettings,
 ) -> ObjectGrasps {
     let Some(surface) = Surface::new(&model.visual.mesh) else {
-        return ObjectGrasps {
-            candidates: Vec::new(),
-            center_of_mass: Point3::origin(),
-        };
+        return ObjectGrasps { candidates: Vec::new(), center_of_mass: Point3::origin() };
     };
     // The object alone, in its own frame, as a scene.
     let alone = BeliefScene {
@@ -170,15 +156,7 @@ fn object_grasps(
         world_from_base: Pose::identity(),
     };
     let checker = CollisionChecker::new(robot.clone(), &alone);
-    let query = Query {
-        held: None,
-        allowed: &[],
-        margins: Margins {
-            world: 0.001,
-            own: 0.0,
-            spread: 0.0,
-        },
-    };
+    let query = Query { held: None, allowed: &[], margins: Margins { world: 0.001, own: 0.0, spread: 0.0 } };
     let fits = |pose: &nalgebra::Isometry3<f64>, opening: f64| {
         checker.hand_collision(pose, opening, &query).is_none()
     };
@@ -190,14 +168,7 @@ fn object_grasps(
 
 /// Pairs of every hand link with one object.
 pub fn hand_may_touch(robot: &RobotSolids, object: usize) -> Vec<CollisionPair> {
-    robot
-        .hand
-        .iter()
-        .map(|&link| CollisionPair {
-            a: Body::Link(link),
-            b: Body::Object(object),
-        })
-        .collect()
+    robot.hand.iter().map(|&link| CollisionPair { a: Body::Link(link), b: Body::Object(object) }).collect()
 }
 
 /// What [`rank_grasps`] looked at.
@@ -228,10 +199,7 @@ pub fn rank_grasps(
     let com = world_from_object.transform_point(&grasps.center_of_mass);
     let w = &settings.weights;
     let pad = gripper.pad_half_extents;
-    let mut counters = GraspCounters {
-        candidates: grasps.candidates.len(),
-        ..Default::default()
-    };
+    let mut counters = GraspCounters { candidates: grasps.candidates.len(), ..Default::default() };
 
     let mut scored: Vec<(f64, f64, &GraspCandidate, Pose<World, Gripper>)> = Vec::new();
     for candidate in &grasps.candidates {
@@ -251,8 +219,7 @@ pub fn rank_grasps(
             continue;
         }
         counters.oriented += 1;
-        let center = world_from_gripper
-            .transform_point(&Point3::new(candidate.contact_depth, 0.0, 0.0));
+        let center = world_from_gripper.transform_point(&Point3::new(candidate.contact_depth, 0.0, 0.0));
         let lever = (com - center).xy().norm();
         let sigma = 2.0 * object.position_std_m.max(0.001);
         let room = 0.5 * (gripper.opening - candidate.width);
@@ -271,11 +238,7 @@ pub fn rank_grasps(
     let query = Query {
         held: None,
         allowed: &allowed,
-        margins: Margins {
-            world: settings.margin,
-            own: 0.0,
-            spread: settings.spread,
-        },
+        margins: Margins { world: settings.margin, own: 0.0, spread: settings.spread },
     };
     let mut kept: Vec<Grasp> = Vec::new();
     for (score, lever, candidate, world_from_gripper) in scored {

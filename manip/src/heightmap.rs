@@ -19,12 +19,7 @@ pub struct HeightMap {
 impl HeightMap {
     /// A map of one height.
     pub fn flat(origin: [f64; 2], size: [usize; 2], cell: f64, height: f64) -> Self {
-        Self {
-            size,
-            origin,
-            cell,
-            heights: vec![height; size[0] * size[1]],
-        }
+        Self { size, origin, cell, heights: vec![height; size[0] * size[1]] }
     }
 
     /// Calls `visit(index, z)` for each cell whose centre a triangle covers, and for the cells of the vertices.
@@ -34,11 +29,8 @@ impl HeightMap {
         map_from_mesh: &Isometry3<f64>,
         mut visit: impl FnMut(&mut f64, f64, usize),
     ) {
-        let points: Vec<Point3<f64>> = mesh
-            .positions
-            .iter()
-            .map(|p| map_from_mesh * p.cast::<f64>())
-            .collect();
+        let points: Vec<Point3<f64>> =
+            mesh.positions.iter().map(|p| map_from_mesh * p.cast::<f64>()).collect();
         let [nx, ny] = self.size;
         let (cell, origin) = (self.cell, self.origin);
         // Grid coordinates in which cell centres are whole numbers.
@@ -98,11 +90,7 @@ pub struct Profile {
 impl Profile {
     /// The profile of `mesh` turned by `rotation` (a pose without translation), on cells of `cell` metres.
     pub fn new(mesh: &Mesh, rotation: &Isometry3<f64>, cell: f64) -> Self {
-        let radius = mesh
-            .positions
-            .iter()
-            .map(|p| f64::from(p.coords.norm()))
-            .fold(0.0, f64::max);
+        let radius = mesh.positions.iter().map(|p| f64::from(p.coords.norm())).fold(0.0, f64::max);
         let half = (radius / cell).ceil() as i32 + 1;
         let n = (2 * half + 1) as usize;
         // The origin lies at the centre of the middle cell.
@@ -120,18 +108,14 @@ impl Profile {
                 (offset, low.heights[k], high[k])
             })
             .collect();
-        let span = cells
-            .iter()
-            .fold([f64::INFINITY, f64::NEG_INFINITY], |s, c| {
-                [s[0].min(c.1), s[1].max(c.2)]
-            });
+        let span =
+            cells.iter().fold([f64::INFINITY, f64::NEG_INFINITY], |s, c| [s[0].min(c.1), s[1].max(c.2)]);
         Self { cells, span }
     }
 
     /// The same with `margin` more cells all round, which take the heights of their nearest covered neighbours.
     pub fn dilated(&self, margin: i32) -> Self {
-        let mut grown: std::collections::BTreeMap<[i32; 2], (f64, f64)> =
-            std::collections::BTreeMap::new();
+        let mut grown: std::collections::BTreeMap<[i32; 2], (f64, f64)> = std::collections::BTreeMap::new();
         for (at, low, high) in &self.cells {
             for dx in -margin..=margin {
                 for dy in -margin..=margin {
@@ -144,10 +128,7 @@ impl Profile {
                 }
             }
         }
-        Self {
-            cells: grown.into_iter().map(|(at, (l, h))| (at, l, h)).collect(),
-            span: self.span,
-        }
+        Self { cells: grown.into_iter().map(|(at, (l, h))| (at, l, h)).collect(), span: self.span }
     }
 }
 

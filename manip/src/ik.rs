@@ -40,11 +40,7 @@ impl IkSolver {
     /// Prepares the seed table for the joints `joints` of the robot (from a fixed stream: the same on every run).
     pub fn new(robot: Arc<RobotSolids>, config: &RobotConfig) -> Self {
         let joints = config.arm_with_torso.clone();
-        let mut solver = Self {
-            robot,
-            joints,
-            table: Vec::new(),
-        };
+        let mut solver = Self { robot, joints, table: Vec::new() };
         let space = solver.space(0.0);
         let mut rng = grip_sim::rng::stream(0, "ik seed table");
         let mut q = solver.robot.model.neutral();
@@ -58,10 +54,7 @@ impl IkSolver {
             let t = base_from_gripper.translation.vector;
             // Where hands work: in front of the base, from knee to head height.
             if t.x > 0.25 && t.z > 0.35 && t.z < 1.5 {
-                solver.table.push(Entry {
-                    base_from_gripper,
-                    group,
-                });
+                solver.table.push(Entry { base_from_gripper, group });
             }
         }
         solver
@@ -156,9 +149,7 @@ impl IkSolver {
             };
             let group = space.unwrap_near(&self.gather(q_now), &self.gather(&q));
             self.scatter(&group, &mut q);
-            let known = found
-                .iter()
-                .any(|(_, other)| space.distance(&self.gather(other), &group) < 0.05);
+            let known = found.iter().any(|(_, other)| space.distance(&self.gather(other), &group) < 0.05);
             if !known && accept(&q) {
                 found.push((self.cost(&space, q_now, &group), q));
             }
@@ -191,12 +182,7 @@ impl IkSolver {
             .map(|(i, entry)| {
                 let pose = &entry.base_from_gripper;
                 let position = (pose.translation.vector - target.translation.vector).norm();
-                let dot = pose
-                    .rotation
-                    .coords
-                    .dot(&target.rotation.coords)
-                    .abs()
-                    .min(1.0);
+                let dot = pose.rotation.coords.dot(&target.rotation.coords).abs().min(1.0);
                 (position + RADIAN * 2.0 * dot.acos(), i)
             })
             .collect();

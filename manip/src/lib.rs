@@ -10,6 +10,7 @@
 //! | [`surface`], [`antipodal`], [`grasp`] | grasps of an object, and their ranking in a scene |
 //! | [`heightmap`], [`place`] | where to put an object in the bin |
 //! | [`settings`], [`plan`], [`planner`], [`pick`] | the planner, and its plans as data |
+//! | [`executor`] | carries plans out through a robot port |
 //! | [`reach`] | how well a table, a bin and a robot's place suit each other |
 //!
 //! Nothing here knows the truth: a plan depends on a [`BeliefScene`] and on measured joints alone.
@@ -19,6 +20,7 @@ pub mod belief;
 pub mod cartesian;
 pub mod collision;
 pub mod edge;
+pub mod executor;
 pub mod grasp;
 pub mod heightmap;
 pub mod ik;
@@ -39,6 +41,9 @@ mod tests;
 pub mod timing;
 
 pub use belief::{BeliefScene, BelievedObject, BinGeometry};
+pub use executor::{
+    ExecOutcome, ExecStage, ExecutionReport, ExecutorSettings, RobotPort, execute, execute_motion,
+};
 pub use grasp::Grasp;
 pub use pick::pick_order;
 pub use place::PlacePose;

@@ -12,11 +12,10 @@ use crate::belief::BeliefScene;
 use crate::cartesian::{CartesianPath, straight_line, translate};
 use crate::collision::{CollisionChecker, CollisionPair, Held, Query};
 use crate::grasp::{Grasp, hand_may_touch, rank_grasps};
-use crate::plan::{
-    Action, GripperCommand, Guard, PickPlacePlan, PlanCounters, PlanFailure, PlanStage, PlanStep,
-    StepName,
-};
 use crate::place::{PlacePose, place_poses};
+use crate::plan::{
+    Action, GripperCommand, Guard, PickPlacePlan, PlanCounters, PlanFailure, PlanStage, PlanStep, StepName,
+};
 use crate::planner::Planner;
 use crate::timing::Trajectory;
 
@@ -72,21 +71,12 @@ impl Planner {
         seed: u64,
     ) -> Result<PickPlacePlan, PlanFailure> {
         let clock = Instant::now();
-        let name = belief
-            .objects
-            .get(target)
-            .map_or_else(|| format!("object {target}"), |o| o.name.clone());
+        let name = belief.objects.get(target).map_or_else(|| format!("object {target}"), |o| o.name.clone());
         let fail = |(stage, reason): (PlanStage, String), mut counters: PlanCounters| {
             counters.seconds = clock.elapsed().as_secs_f64();
-            PlanFailure {
-                stage,
-                object: name.clone(),
-                reason,
-                counters,
-            }
+            PlanFailure { stage, object: name.clone(), reason, counters: Box::new(counters) }
         };
-        self.check_input(belief, &[q_now])
-            .map_err(|e| fail(e, PlanCounters::default()))?;
+        self.check_input(belief, &[q_now]).map_err(|e| fail(e, PlanCounters::default()))?;
         if target >= belief.objects.len() {
             let reason = format!("the belief has {} objects", belief.objects.len());
             return Err(fail((PlanStage::Input, reason), PlanCounters::default()));
@@ -105,11 +95,7 @@ impl Planner {
         };
         let mut rng = grip_sim::rng::stream(seed, "pick and place");
         let plan = attempt.plan(&mut rng);
-        let Attempt {
-            mut counters,
-            failed,
-            ..
-        } = attempt;
+        let Attempt { mut counters, failed, .. } = attempt;
         counters.seconds = clock.elapsed().as_secs_f64();
         match plan {
             Some(mut plan) => {
@@ -149,26 +135,25 @@ impl Attempt<'_> {
             let Some(picked) = self.pick(grasp) else {
                 continue;
             };
-            let places = places.get_or_insert_with(|| {
-                place_poses(self.belief, self.target, &settings.place)
-            });
+            let places = places.get_or_insert_with(|| place_poses(self.belief, self.target, &settings.place));
             self.counters.places = places.len();
             if places.is_empty() {
                 self.note(PlanStage::NoPlacePose, "the bin has no room for it".into());
                 return None;
             }
             // A way to the grasp first: without it no place helps.
-            let to_pregrasp = match self.path(None, &self.q_now.clone(), picked.approach.waypoints[0].clone(), rng) {
-                Ok(trajectory) => trajectory,
-                Err((PlanStage::StartInCollision, reason)) => {
-                    self.note(PlanStage::StartInCollision, reason);
-                    return None;
-                }
-                Err((_, reason)) => {
-                    self.note(PlanStage::NoApproachPath, reason);
-                    continue;
-                }
-            };
+            let to_pregrasp =
+                match self.path(None, &self.q_now.clone(), picked.approach.waypoints[0].clone(), rng) {
+                    Ok(trajectory) => trajectory,
+                    Err((PlanStage::StartInCollision, reason)) => {
+                        self.note(PlanStage::StartInCollision, reason);
+                        return None;
+                    }
+                    Err((_, reason)) => {
+                        self.note(PlanStage::NoApproachPath, reason);
+                        continue;
+                    }
+                };
             let (mut reached_for, mut searches) = (0, 0);
             for place in places.iter() {
                 // The hand alone first: cheap, and decides most cases.
@@ -230,30 +215,15 @@ impl Attempt<'_> {
         let base_from_gripper = self.base_from_world * grasp.world_from_gripper.iso();
         let open = self.with_fingers(&self.q_now, grasp.opening);
         let touch = self.touch.clone();
-        let near = Query {
-            held: None,
-            allowed: &touch,
-            margins: settings.near,
-        };
-        let free = Query {
-            held: None,
-            allowed: &[],
-            margins: settings.free,
-        };
+        let near = Query { held: None, allowed: &touch, margins: settings.near };
+        let free = Query { held: None, allowed: &[], margins: settings.free };
         let object = &self.belief.objects[self.target];
-        let held = Held::new(
-            &object.model,
-            self.target,
-            *grasp.object_from_gripper.inverse().iso(),
-        );
+        let held = Held::new(&object.model, self.target, *grasp.object_from_gripper.inverse().iso());
         let solutions = solver.solutions(&base_from_gripper, &open, settings.ik_seeds, 2, |q| {
             self.checker.in_collision(q, &near).is_none()
         });
         if solutions.is_empty() {
-            self.note(
-                PlanStage::NoIk,
-                "no free grasp is within reach without collision".into(),
-            );
+            self.note(PlanStage::NoIk, "no free grasp is within reach without collision".into());
             return None;
         }
         self.counters.grasps_reached += 1;
@@ -261,16 +231,11 @@ impl Attempt<'_> {
         pregrasp.translation.vector -= base_from_gripper * Vector3::x() * settings.grasp.standoff;
         for q in solutions {
             // Backwards from the grasp, so that the approach ends on it exactly.
-            let back = straight_line(solver, &q, &pregrasp, |_, q| {
-                self.checker.in_collision(q, &near)
-            });
+            let back = straight_line(solver, &q, &pregrasp, |_, q| self.checker.in_collision(q, &near));
             let back = match back {
                 Ok(back) if self.checker.in_collision(back.end(), &free).is_none() => back,
                 _ => {
-                    self.note(
-                        PlanStage::NoApproach,
-                        "no grasp can be approached straight".into(),
-                    );
+                    self.note(PlanStage::NoApproach, "no grasp can be approached straight".into());
                     continue;
                 }
             };
@@ -281,48 +246,25 @@ impl Attempt<'_> {
                 continue;
             };
             self.counters.grasps_lifted += 1;
-            return Some(Picked {
-                approach: back.reversed(),
-                grasp,
-                held,
-                lift,
-            });
+            return Some(Picked { approach: back.reversed(), grasp, held, lift });
         }
         None
     }
 
     fn lift(&self, closed: &[f64], held: &Held) -> Option<CartesianPath> {
         let settings = &self.planner.settings;
-        let near = Query {
-            held: Some(held),
-            allowed: &[],
-            margins: settings.near,
-        };
+        let near = Query { held: Some(held), allowed: &[], margins: settings.near };
         // What it lies on and leans against, by belief: left within the first centimetres.
         let lying = self.checker.collisions(closed, &near);
-        let leaving = Query {
-            allowed: &lying,
-            ..near
-        };
-        let clear = Query {
-            margins: settings.free,
-            ..near
-        };
+        let leaving = Query { allowed: &lying, ..near };
+        let clear = Query { margins: settings.free, ..near };
         settings.lifts.iter().find_map(|&height| {
-            let path = translate(
-                &self.planner.solver,
-                closed,
-                Vector3::z() * height,
-                |gone, q| {
-                    let query = if gone < LEAVING { &leaving } else { &near };
-                    self.checker.in_collision(q, query)
-                },
-            )
+            let path = translate(&self.planner.solver, closed, Vector3::z() * height, |gone, q| {
+                let query = if gone < LEAVING { &leaving } else { &near };
+                self.checker.in_collision(q, query)
+            })
             .ok()?;
-            self.checker
-                .in_collision(path.end(), &clear)
-                .is_none()
-                .then_some(path)
+            self.checker.in_collision(path.end(), &clear).is_none().then_some(path)
         })
     }
 
@@ -340,16 +282,10 @@ impl Attempt<'_> {
     /// Whether the hand with the object, closed and open, is free at a place.
     fn hand_fits(&self, picked: &Picked, place: &PlacePose) -> bool {
         let (base_from_gripper, opening) = self.release(picked, place);
-        let holding = Query {
-            held: Some(&picked.held),
-            allowed: &[],
-            margins: self.planner.settings.near,
-        };
-        [opening, picked.grasp.width].into_iter().all(|opening| {
-            self.checker
-                .hand_collision(&base_from_gripper, opening, &holding)
-                .is_none()
-        })
+        let holding = Query { held: Some(&picked.held), allowed: &[], margins: self.planner.settings.near };
+        [opening, picked.grasp.width]
+            .into_iter()
+            .all(|opening| self.checker.hand_collision(&base_from_gripper, opening, &holding).is_none())
     }
 
     /// Reaches a place with a grasp, lowering to it and retreating from it.
@@ -357,16 +293,9 @@ impl Attempt<'_> {
         let planner = self.planner;
         let (settings, solver) = (&planner.settings, &planner.solver);
         self.counters.places_tried += 1;
-        self.note(
-            PlanStage::NoPlaceIk,
-            "no place in the bin can be reached with any grasp".into(),
-        );
+        self.note(PlanStage::NoPlaceIk, "no place in the bin can be reached with any grasp".into());
         let (base_from_gripper, opening) = self.release(picked, place);
-        let holding = Query {
-            held: Some(&picked.held),
-            allowed: &[],
-            margins: settings.near,
-        };
+        let holding = Query { held: Some(&picked.held), allowed: &[], margins: settings.near };
         let closed = picked.lift.end();
         let q = solver
             .solutions(&base_from_gripper, closed, settings.ik_seeds, 1, |q| {
@@ -375,38 +304,21 @@ impl Attempt<'_> {
             .into_iter()
             .next()?;
         // Up until the object is above the walls.
-        let up = (self.belief.bin.wall_height + settings.over_walls - place.support_height)
-            .max(0.08);
-        let raise = translate(solver, &q, Vector3::z() * up, |_, q| {
-            self.checker.in_collision(q, &holding)
-        })
-        .ok()?;
-        let clear = Query {
-            margins: settings.free,
-            ..holding
-        };
+        let up = (self.belief.bin.wall_height + settings.over_walls - place.support_height).max(0.08);
+        let raise =
+            translate(solver, &q, Vector3::z() * up, |_, q| self.checker.in_collision(q, &holding)).ok()?;
+        let clear = Query { margins: settings.free, ..holding };
         if self.checker.in_collision(raise.end(), &clear).is_some() {
             return None;
         }
-        let empty = Query {
-            held: None,
-            allowed: &self.touch,
-            margins: settings.near,
-        };
+        let empty = Query { held: None, allowed: &self.touch, margins: settings.near };
         let open = self.with_fingers(&q, opening);
         let back = base_from_gripper.rotation * -Vector3::x();
-        let retreat = [back * settings.retreat, Vector3::z() * up]
-            .into_iter()
-            .find_map(|way| {
-                translate(solver, &open, way, |_, q| self.checker.in_collision(q, &empty)).ok()
-            })?;
+        let retreat = [back * settings.retreat, Vector3::z() * up].into_iter().find_map(|way| {
+            translate(solver, &open, way, |_, q| self.checker.in_collision(q, &empty)).ok()
+        })?;
         self.counters.places_reached += 1;
-        Some(Placed {
-            place: place.clone(),
-            lower: raise.reversed(),
-            retreat,
-            opening,
-        })
+        Some(Placed { place: place.clone(), lower: raise.reversed(), retreat, opening })
     }
 
     fn assemble(
@@ -418,11 +330,7 @@ impl Attempt<'_> {
     ) -> PickPlacePlan {
         let settings = &self.planner.settings;
         let object = &self.belief.objects[self.target];
-        let free = |trajectory, holding| Action::Move {
-            trajectory,
-            guard: None,
-            holding,
-        };
+        let free = |trajectory, holding| Action::Move { trajectory, guard: None, holding };
         let straight = |path: &CartesianPath, speed, guarded: bool, holding| Action::Move {
             trajectory: self.planner.time_straight(path, speed, holding),
             guard: guarded.then(|| Guard {
@@ -433,7 +341,8 @@ impl Attempt<'_> {
             holding,
         };
         let grip = |command, width| Action::Gripper { command, width };
-        let force_n = grip_force(&object.model.info, picked.grasp.lever, self.planner.config.gripper.max_force);
+        let force_n =
+            grip_force(&object.model.info, picked.grasp.lever, self.planner.config.gripper.max_force);
         let (slow, fast) = (settings.guarded_speed, settings.straight_speed);
         let opening = picked.grasp.opening;
         let width = picked.grasp.width;
@@ -528,9 +437,7 @@ pub fn grip_force(info: &ObjectInfo, lever: f64, max_force: f64) -> f64 {
 /// fewest neighbours within 4 cm, then the nearest to the robot, a decimetre of height counting like one of distance.
 pub fn pick_order(belief: &BeliefScene) -> Vec<usize> {
     let base = belief.world_from_base.translation();
-    let waiting: Vec<usize> = (0..belief.objects.len())
-        .filter(|&i| !belief.objects[i].packed)
-        .collect();
+    let waiting: Vec<usize> = (0..belief.objects.len()).filter(|&i| !belief.objects[i].packed).collect();
     // Half extents along the world's axes about the centre.
     let reach = |i: usize| {
         let o = &belief.objects[i];
@@ -555,11 +462,6 @@ pub fn pick_order(belief: &BeliefScene) -> Vec<usize> {
             (carries, crowd, distance, i)
         })
         .collect();
-    keyed.sort_by(|a, b| {
-        (a.0, a.1)
-            .cmp(&(b.0, b.1))
-            .then(a.2.total_cmp(&b.2))
-            .then(a.3.cmp(&b.3))
-    });
+    keyed.sort_by(|a, b| (a.0, a.1).cmp(&(b.0, b.1)).then(a.2.total_cmp(&b.2)).then(a.3.cmp(&b.3)));
     keyed.into_iter().map(|k| k.3).collect()
 }

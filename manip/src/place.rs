@@ -30,13 +30,7 @@ pub struct PlaceSettings {
 
 impl Default for PlaceSettings {
     fn default() -> Self {
-        Self {
-            cell: 0.005,
-            headings: 24,
-            margin: 0.008,
-            release_height: 0.008,
-            keep: 400,
-        }
+        Self { cell: 0.005, headings: 24, margin: 0.008, release_height: 0.008, keep: 400 }
     }
 }
 
@@ -106,11 +100,7 @@ fn resting_rotation(model: &ObjectModel, now: &UnitQuaternion<f64>) -> UnitQuate
 }
 
 /// Places for object `target`, best first, none of them alike. Empty when there is none.
-pub fn place_poses(
-    belief: &BeliefScene,
-    target: usize,
-    settings: &PlaceSettings,
-) -> Vec<PlacePose> {
+pub fn place_poses(belief: &BeliefScene, target: usize, settings: &PlaceSettings) -> Vec<PlacePose> {
     let object = &belief.objects[target];
     let model = &object.model;
     let mut others = belief.clone();
@@ -144,18 +134,12 @@ pub fn place_poses(
                 let z = wide
                     .cells
                     .iter()
-                    .fold(f64::NEG_INFINITY, |z, (offset, low, _)| {
-                        z.max(map.heights[at(offset)] - low)
-                    });
+                    .fold(f64::NEG_INFINITY, |z, (offset, low, _)| z.max(map.heights[at(offset)] - low));
                 let xy = [
                     (f64::from(i) + 0.5) * settings.cell - half[0],
                     (f64::from(j) + 0.5) * settings.cell - half[1],
                 ];
-                let load = SupportCheck {
-                    model,
-                    belief: &others,
-                    owner: &owner,
-                };
+                let load = SupportCheck { model, belief: &others, owner: &owner };
                 if !load.stands(&profile, &map, z, at) {
                     continue;
                 }
@@ -217,13 +201,7 @@ struct SupportCheck<'a> {
 
 impl SupportCheck<'_> {
     /// Whether the object rests with its middle between its supports, and on nothing that it would crush.
-    fn stands(
-        &self,
-        profile: &Profile,
-        map: &HeightMap,
-        z: f64,
-        at: impl Fn(&[i32; 2]) -> usize,
-    ) -> bool {
+    fn stands(&self, profile: &Profile, map: &HeightMap, z: f64, at: impl Fn(&[i32; 2]) -> usize) -> bool {
         let mut low = [i32::MAX; 2];
         let mut high = [i32::MIN; 2];
         for (offset, bottom, _) in &profile.cells {
@@ -259,13 +237,7 @@ pub fn outline_in_bin(
     world_from_object: &Pose<World, Object>,
 ) -> Vec<Point3<f64>> {
     let bin_from_object = belief.bin.world_from_bin.iso().inverse() * world_from_object.iso();
-    model
-        .visual
-        .mesh
-        .positions
-        .iter()
-        .map(|p| bin_from_object * p.cast::<f64>())
-        .collect()
+    model.visual.mesh.positions.iter().map(|p| bin_from_object * p.cast::<f64>()).collect()
 }
 
 #[cfg(test)]
@@ -322,8 +294,7 @@ mod tests {
         eggs.info.fragility = Fragility::Fragile;
         let mut packed = standing(&Arc::new(eggs), 0.0, 0.0, 0.0);
         let floor = scene.bin.world_from_bin;
-        packed.world_from_object =
-            Pose::new(floor.iso() * Isometry3::translation(0.0, 0.0, 0.03));
+        packed.world_from_object = Pose::new(floor.iso() * Isometry3::translation(0.0, 0.0, 0.03));
         packed.packed = true;
         scene.objects = vec![packed, standing(&cylinder_model("can", 0.033, 0.1), 0.6, 0.1, 0.0)];
         assert!(place_poses(&scene, 1, &PlaceSettings::default()).is_empty());

@@ -115,6 +115,11 @@ pub struct PickPlacePlan {
 }
 
 impl PickPlacePlan {
+    /// Where the object is believed to come to rest.
+    pub fn world_from_object_placed(&self) -> Pose<World, Object> {
+        self.place.world_from_object
+    }
+
     /// Duration of all motions, seconds; the gripper's time comes on top.
     pub fn motion_seconds(&self) -> f64 {
         self.steps
@@ -195,5 +200,5 @@ pub struct PlanFailure {
     /// In words.
     pub reason: String,
     /// Work done.
-    pub counters: PlanCounters,
+    pub counters: Box<PlanCounters>,
 }

@@ -34,11 +34,7 @@ const THIN: usize = 3;
 
 impl Planner {
     /// Prepares a planner (some 20 ms).
-    pub fn new(
-        model: Arc<RobotModel>,
-        config: Arc<RobotConfig>,
-        settings: PlannerSettings,
-    ) -> Self {
+    pub fn new(model: Arc<RobotModel>, config: Arc<RobotConfig>, settings: PlannerSettings) -> Self {
         let robot = Arc::new(RobotSolids::new(model, &config));
         Self {
             solver: IkSolver::new(robot.clone(), &config),
@@ -89,12 +85,7 @@ impl Planner {
             })
             .map_err(|(stage, reason)| {
                 counters.seconds = clock.elapsed().as_secs_f64();
-                PlanFailure {
-                    stage,
-                    object: "free motion".into(),
-                    reason,
-                    counters,
-                }
+                PlanFailure { stage, object: "free motion".into(), reason, counters: Box::new(counters) }
             })
     }
 
@@ -112,16 +103,19 @@ impl Planner {
         self.free_path(q_now, q_home, belief, None, seed)
     }
 
+    /// [`crate::pick::pick_order`].
+    pub fn pick_order(&self, belief: &BeliefScene) -> Vec<usize> {
+        crate::pick::pick_order(belief)
+    }
+
     pub(crate) fn check_input(
         &self,
         belief: &BeliefScene,
         configurations: &[&[f64]],
     ) -> Result<(), (PlanStage, String)> {
-        let problem = belief.problem().or_else(|| {
-            configurations
-                .iter()
-                .find_map(|q| self.robot.model.problem_with(q, 0.02))
-        });
+        let problem = belief
+            .problem()
+            .or_else(|| configurations.iter().find_map(|q| self.robot.model.problem_with(q, 0.02)));
         match problem {
             Some(problem) => Err((PlanStage::Input, problem)),
             None => Ok(()),
@@ -130,13 +124,7 @@ impl Planner {
 
     /// Whole configuration with every joint within its limits (a measured one may be a hair outside).
     pub(crate) fn clamped(&self, q: &[f64]) -> Vec<f64> {
-        self.robot
-            .model
-            .joints()
-            .iter()
-            .zip(q)
-            .map(|(joint, v)| joint.limits.clamp(*v))
-            .collect()
+        self.robot.model.joints().iter().zip(q).map(|(joint, v)| joint.limits.clamp(*v)).collect()
     }
 
     /// Searches, shortens, rounds and times a path from `q` to one of `goals` (whole configurations).
@@ -157,11 +145,7 @@ impl Planner {
             q = escape.end().to_vec();
         }
         let space = self.solver.space(held.map_or(0.0, |h| h.extent));
-        let query = Query {
-            held,
-            allowed: &[],
-            margins,
-        };
+        let query = Query { held, allowed: &[], margins };
         let edges = EdgeCheck::new(checker, query, &space, &self.solver, &q)
             .with_step(2.0 * self.settings.free.world);
         let start = self.solver.gather(&q);
@@ -181,34 +165,21 @@ impl Planner {
                 let rounded = SmoothPath::round(&points, self.settings.corner, &[], |a, b| {
                     escaped > 1 || edges.motion_free(a, b)
                 });
-                Ok(time_path(
-                    self.solver.joints(),
-                    &points[0],
-                    &rounded,
-                    &limits,
-                    self.settings.dt,
-                ))
+                Ok(time_path(self.solver.joints(), &points[0], &rounded, &limits, self.settings.dt))
             }
-            SearchStatus::InvalidStart => Err((
-                PlanStage::StartInCollision,
-                self.explain(checker, &q, &query, "the start"),
-            )),
+            SearchStatus::InvalidStart => {
+                Err((PlanStage::StartInCollision, self.explain(checker, &q, &query, "the start")))
+            }
             SearchStatus::InvalidGoal => {
                 let mut goal = q.clone();
                 if let Some(first) = goals.first() {
                     self.solver.scatter(first, &mut goal);
                 }
-                Err((
-                    PlanStage::NoPath,
-                    self.explain(checker, &goal, &query, "the goal"),
-                ))
+                Err((PlanStage::NoPath, self.explain(checker, &goal, &query, "the goal")))
             }
             SearchStatus::Exhausted => Err((
                 PlanStage::NoPath,
-                format!(
-                    "no path within {} iterations and {} nodes",
-                    found.iterations, found.nodes
-                ),
+                format!("no path within {} iterations and {} nodes", found.iterations, found.nodes),
             )),
         };
         counters.checks += edges.checks();
@@ -230,16 +201,7 @@ impl Planner {
         q: &[f64],
     ) -> Result<(Margins, Option<CartesianPath>), (PlanStage, String)> {
         let mut margins = self.settings.free;
-        let collisions = |margins: Margins| {
-            checker.collisions(
-                q,
-                &Query {
-                    held,
-                    allowed: &[],
-                    margins,
-                },
-            )
-        };
+        let collisions = |margins: Margins| checker.collisions(q, &Query { held, allowed: &[], margins });
         let mut close = collisions(margins);
         if close.is_empty() {
             return Ok((margins, None));
@@ -252,16 +214,8 @@ impl Planner {
         }
         let gripper = self.robot.model.fk_link(q, self.robot.gripper);
         let back = gripper.rotation * -Vector3::x();
-        let query = Query {
-            held,
-            allowed: &close,
-            margins: self.settings.near,
-        };
-        let clear = Query {
-            held,
-            allowed: &[],
-            margins,
-        };
+        let query = Query { held, allowed: &close, margins: self.settings.near };
+        let clear = Query { held, allowed: &[], margins };
         for way in [Vector3::z() * 0.05, back * 0.05, Vector3::z() * 0.12, back * 0.12] {
             let path = translate(&self.solver, q, way, |_, q| checker.in_collision(q, &query));
             if let Ok(path) = path
@@ -277,10 +231,7 @@ impl Planner {
             None => Ok((margins, None)),
             Some(pair) => Err((
                 PlanStage::StartInCollision,
-                format!(
-                    "the robot is in collision where it stands: {}",
-                    checker.describe(*pair)
-                ),
+                format!("the robot is in collision where it stands: {}", checker.describe(*pair)),
             )),
         }
     }
@@ -288,50 +239,30 @@ impl Planner {
     /// The group's limits times the shares that are used.
     pub(crate) fn limits(&self) -> MotionLimits {
         let of = |f: fn(&grip_sim::robot::PlanningLimits) -> f64| {
-            self.solver
-                .joints()
-                .iter()
-                .map(|&j| f(&self.config.limits[j]))
-                .collect()
+            self.solver.joints().iter().map(|&j| f(&self.config.limits[j])).collect()
         };
         let [velocity, acceleration] = self.settings.effort;
-        MotionLimits {
-            velocity: of(|l| l.velocity),
-            acceleration: of(|l| l.acceleration),
-        }
-        .scaled(velocity, acceleration)
+        MotionLimits { velocity: of(|l| l.velocity), acceleration: of(|l| l.acceleration) }
+            .scaled(velocity, acceleration)
     }
 
     /// Times a straight motion so that the gripper keeps below `speed` m/s.
     pub(crate) fn time_straight(&self, path: &CartesianPath, speed: f64, holding: bool) -> Trajectory {
         let last = path.waypoints.len() - 1;
         let kept: Vec<usize> = (0..last).step_by(THIN).chain([last]).collect();
-        let points: Vec<Vec<f64>> = kept
-            .iter()
-            .map(|&i| self.solver.gather(&path.waypoints[i]))
-            .collect();
+        let points: Vec<Vec<f64>> = kept.iter().map(|&i| self.solver.gather(&path.waypoints[i])).collect();
         let rates: Vec<f64> = kept
             .windows(2)
             .zip(points.windows(2))
             .map(|(k, p)| {
                 let joint: f64 = p[0].iter().zip(&p[1]).map(|(a, b)| (b - a).powi(2)).sum();
                 let tool = path.step * (k[1] - k[0]) as f64;
-                if tool > 1e-9 {
-                    speed * joint.sqrt() / tool
-                } else {
-                    f64::INFINITY
-                }
+                if tool > 1e-9 { speed * joint.sqrt() / tool } else { f64::INFINITY }
             })
             .collect();
         let share = if holding { self.settings.holding } else { 1.0 };
         let limits = self.limits().scaled(share, share);
         let rounded = SmoothPath::round(&points, 0.01, &rates, |_, _| true);
-        time_path(
-            self.solver.joints(),
-            &points[0],
-            &rounded,
-            &limits,
-            self.settings.dt,
-        )
+        time_path(self.solver.joints(), &points[0], &rounded, &limits, self.settings.dt)
     }
 }

@@ -97,33 +97,22 @@ pub fn reach_score(solver: &IkSolver, template: &BeliefScene, params: &ReachPara
     };
 
     let [low, high] = params.region;
-    let on_table: Vec<Vector3<f64>> = grid(low, high, params.spacing)
-        .map(|[x, y]| Vector3::new(x, y, empty.table_height))
-        .collect();
+    let on_table: Vec<Vector3<f64>> =
+        grid(low, high, params.spacing).map(|[x, y]| Vector3::new(x, y, empty.table_height)).collect();
     let half = empty.bin.inner.map(|v| 0.5 * v - 0.08);
     let in_bin: Vec<Vector3<f64>> = grid(half.map(|v| -v), half, params.spacing)
         .map(|[x, y]| (empty.bin.world_from_bin.iso() * nalgebra::Point3::new(x, y, 0.0)).coords)
         .collect();
     let (top, any_tilt, dead_cells) = survey(&on_table, &params.grasp_heights);
     let (place_top, place_any, _) = survey(&in_bin, &params.place_heights);
-    ReachScore {
-        top,
-        any_tilt,
-        place_top,
-        place_any,
-        dead_cells,
-    }
+    ReachScore { top, any_tilt, place_top, place_any, dead_cells }
 }
 
 fn grid(low: [f64; 2], high: [f64; 2], spacing: f64) -> impl Iterator<Item = [f64; 2]> {
     let count = |i: usize| ((high[i] - low[i]) / spacing).round().max(0.0) as usize;
     let (nx, ny) = (count(0), count(1));
     let at = move |i: usize, k: usize, n: usize| {
-        if n == 0 {
-            0.5 * (low[i] + high[i])
-        } else {
-            low[i] + (high[i] - low[i]) * k as f64 / n as f64
-        }
+        if n == 0 { 0.5 * (low[i] + high[i]) } else { low[i] + (high[i] - low[i]) * k as f64 / n as f64 }
     };
     (0..=nx).flat_map(move |a| (0..=ny).map(move |b| [at(0, a, nx), at(1, b, ny)]))
 }
@@ -134,25 +123,16 @@ fn reachable(
     params: &ReachParams,
     base_from_gripper: &Isometry3<f64>,
 ) -> bool {
-    let query = Query {
-        held: None,
-        allowed: &[],
-        margins: Margins {
-            world: 0.003,
-            own: 0.003,
-            spread: 0.0,
-        },
-    };
+    let query =
+        Query { held: None, allowed: &[], margins: Margins { world: 0.003, own: 0.003, spread: 0.0 } };
     if checker.hand_collision(base_from_gripper, 0.10, &query).is_some() {
         return false;
     }
     let mut found = false;
     solver.solutions(base_from_gripper, &params.start, 10, 1, |q| {
         found = checker.in_collision(q, &query).is_none()
-            && translate(solver, q, Vector3::z() * params.lift, |_, q| {
-                checker.in_collision(q, &query)
-            })
-            .is_ok();
+            && translate(solver, q, Vector3::z() * params.lift, |_, q| checker.in_collision(q, &query))
+                .is_ok();
         found
     });
     found

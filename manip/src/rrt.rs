@@ -30,11 +30,7 @@ pub struct RrtSettings {
 
 impl Default for RrtSettings {
     fn default() -> Self {
-        Self {
-            step: 0.5,
-            max_iterations: 4000,
-            shortcuts: 60,
-        }
+        Self { step: 0.5, max_iterations: 4000, shortcuts: 60 }
     }
 }
 
@@ -76,10 +72,7 @@ struct Tree {
 impl Tree {
     fn rooted(roots: Vec<Vec<f64>>) -> Self {
         let parents = (0..roots.len()).collect();
-        Self {
-            nodes: roots,
-            parents,
-        }
+        Self { nodes: roots, parents }
     }
 
     fn nearest(&self, space: &JointSpace, q: &[f64]) -> usize {
@@ -149,21 +142,11 @@ pub fn rrt_connect(
     }
     // Most motions over a table are free as the crow flies: the nearest goals first.
     let mut order: Vec<usize> = (0..roots.len()).collect();
-    order.sort_by(|&a, &b| {
-        space
-            .distance(start, &roots[a])
-            .total_cmp(&space.distance(start, &roots[b]))
-    });
+    order.sort_by(|&a, &b| space.distance(start, &roots[a]).total_cmp(&space.distance(start, &roots[b])));
     for &i in order.iter().take(3) {
         if validity.motion_free(start, &roots[i]) {
             let end = space.unwrap_near(start, &roots[i]);
-            return done(
-                SearchStatus::Solved,
-                0,
-                2,
-                indices[i],
-                vec![start.to_vec(), end],
-            );
+            return done(SearchStatus::Solved, 0, 2, indices[i], vec![start.to_vec(), end]);
         }
     }
 
@@ -203,13 +186,7 @@ pub fn rrt_connect(
         }
     }
     let nodes = trees[0].nodes.len() + trees[1].nodes.len();
-    done(
-        SearchStatus::Exhausted,
-        settings.max_iterations,
-        nodes,
-        0,
-        Vec::new(),
-    )
+    done(SearchStatus::Exhausted, settings.max_iterations, nodes, 0, Vec::new())
 }
 
 /// One edge of at most `settings.step` from `from` towards `to`, if it is free.
@@ -242,10 +219,7 @@ pub fn shortcut(
         if path.len() < 3 {
             break;
         }
-        let lengths: Vec<f64> = path
-            .windows(2)
-            .map(|w| space.distance(&w[0], &w[1]))
-            .collect();
+        let lengths: Vec<f64> = path.windows(2).map(|w| space.distance(&w[0], &w[1])).collect();
         let total: f64 = lengths.iter().sum();
         let (mut s, mut t) = (total * rng.random::<f64>(), total * rng.random::<f64>());
         if s > t {
@@ -280,11 +254,7 @@ fn locate(space: &JointSpace, path: &[Vec<f64>], lengths: &[f64], s: f64) -> (us
     let mut rest = s;
     for (i, &length) in lengths.iter().enumerate() {
         if rest <= length || i + 1 == lengths.len() {
-            let t = if length > 0.0 {
-                (rest / length).clamp(0.0, 1.0)
-            } else {
-                0.0
-            };
+            let t = if length > 0.0 { (rest / length).clamp(0.0, 1.0) } else { 0.0 };
             return (i, space.interpolate(&path[i], &path[i + 1], t));
         }
         rest -= length;
@@ -332,20 +302,12 @@ mod tests {
     }
 
     fn plane() -> JointSpace {
-        let axis = Axis {
-            lower: 0.0,
-            upper: 1.0,
-            wraps: false,
-            reach: 1.0,
-        };
+        let axis = Axis { lower: 0.0, upper: 1.0, wraps: false, reach: 1.0 };
         JointSpace::new(vec![axis, axis])
     }
 
     fn solve(seed: u64) -> PathSearch {
-        let settings = RrtSettings {
-            step: 0.1,
-            ..Default::default()
-        };
+        let settings = RrtSettings { step: 0.1, ..Default::default() };
         let mut rng = stream(seed, "rrt");
         let goals = [vec![0.5, 0.1], vec![0.9, 0.1]];
         let mut search = rrt_connect(&plane(), &Wall, &[0.1, 0.1], &goals, &settings, &mut rng);
@@ -364,11 +326,7 @@ mod tests {
             for w in search.path.windows(2) {
                 assert!(Wall.motion_free(&w[0], &w[1]));
             }
-            let length: f64 = search
-                .path
-                .windows(2)
-                .map(|w| plane().distance(&w[0], &w[1]))
-                .sum();
+            let length: f64 = search.path.windows(2).map(|w| plane().distance(&w[0], &w[1])).sum();
             // Taut string over (0.4, 0.8) and (0.6, 0.8): 1.723.
             assert!(length > 1.72 && length < 2.3, "length {length}");
         }
@@ -385,15 +343,7 @@ mod tests {
         let settings = RrtSettings::default();
         let run = |start: [f64; 2], goal: [f64; 2]| {
             let mut rng = stream(0, "rrt");
-            rrt_connect(
-                &plane(),
-                &Wall,
-                &start,
-                &[goal.to_vec()],
-                &settings,
-                &mut rng,
-            )
-            .status
+            rrt_connect(&plane(), &Wall, &start, &[goal.to_vec()], &settings, &mut rng).status
         };
         assert_eq!(run([0.5, 0.1], [0.9, 0.1]), SearchStatus::InvalidStart);
         assert_eq!(run([0.1, 0.1], [0.5, 0.1]), SearchStatus::InvalidGoal);

@@ -28,16 +28,12 @@ pub struct Piece {
 impl Piece {
     /// Position at `x` past the beginning.
     pub fn position(&self, x: f64) -> Vec<f64> {
-        (0..self.q.len())
-            .map(|j| self.q[j] + self.d[j] * x + 0.5 * self.c[j] * x * x)
-            .collect()
+        (0..self.q.len()).map(|j| self.q[j] + self.d[j] * x + 0.5 * self.c[j] * x * x).collect()
     }
 
     /// First derivative at `x` past the beginning.
     pub fn derivative(&self, x: f64) -> Vec<f64> {
-        (0..self.q.len())
-            .map(|j| self.d[j] + self.c[j] * x)
-            .collect()
+        (0..self.q.len()).map(|j| self.d[j] + self.c[j] * x).collect()
     }
 }
 
@@ -96,11 +92,7 @@ impl SmoothPath {
             }
             let turn = norm(&sub(w, u));
             let half = 0.5 * lengths[i - 1].min(lengths[i]);
-            let mut l = if turn < 1e-12 {
-                half
-            } else {
-                half.min(4.0 * deviation / turn)
-            };
+            let mut l = if turn < 1e-12 { half } else { half.min(4.0 * deviation / turn) };
             for _ in 0..5 {
                 let curve = blend(points[i], u, w, l);
                 let mut last = curve.position(0.0);
@@ -123,11 +115,7 @@ impl SmoothPath {
             // The straight stretch between the two blends of segment i, then the blend at its far end.
             let straight = lengths[i] - blends[i] - blends[i + 1];
             if straight > 1e-9 {
-                let q = points[i]
-                    .iter()
-                    .zip(&dirs[i])
-                    .map(|(p, d)| p + d * blends[i])
-                    .collect();
+                let q = points[i].iter().zip(&dirs[i]).map(|(p, d)| p + d * blends[i]).collect();
                 path.push(Piece {
                     start: 0.0,
                     length: straight,
@@ -187,12 +175,7 @@ mod tests {
 
     #[test]
     fn is_continuous_with_its_derivative_and_ends_where_it_should() {
-        let waypoints = [
-            vec![0.0, 0.0],
-            vec![1.0, 0.0],
-            vec![1.0, 1.0],
-            vec![2.0, 1.5],
-        ];
+        let waypoints = [vec![0.0, 0.0], vec![1.0, 0.0], vec![1.0, 1.0], vec![2.0, 1.5]];
         let path = SmoothPath::round(&waypoints, 0.1, &[], |_, _| true);
         for w in path.pieces.windows(2) {
             let gap = norm(&sub(&w[0].position(w[0].length), &w[1].q));
@@ -220,10 +203,6 @@ mod tests {
     #[test]
     fn a_path_that_does_not_move_has_no_pieces() {
         let q = vec![0.3, 0.4];
-        assert!(
-            SmoothPath::round(&[q.clone(), q], 0.1, &[], |_, _| true)
-                .pieces
-                .is_empty()
-        );
+        assert!(SmoothPath::round(&[q.clone(), q], 0.1, &[], |_, _| true).pieces.is_empty());
     }
 }

@@ -77,11 +77,7 @@ impl JointSpace {
 
     /// The configuration at the share `t` of the short way from `a` to `b`; a joint that wraps may leave `[-pi, pi]`.
     pub fn interpolate(&self, a: &[f64], b: &[f64], t: f64) -> Vec<f64> {
-        self.difference(a, b)
-            .iter()
-            .zip(a)
-            .map(|(d, a)| a + d * t)
-            .collect()
+        self.difference(a, b).iter().zip(a).map(|(d, a)| a + d * t).collect()
     }
 
     /// `b`, with whole turns added to joints that wrap so that it lies nearest to `a`.
@@ -90,13 +86,7 @@ impl JointSpace {
         self.axes
             .iter()
             .zip(a.iter().zip(b))
-            .map(|(axis, (a, b))| {
-                if axis.wraps {
-                    b + TAU * ((a - b) / TAU).round()
-                } else {
-                    *b
-                }
-            })
+            .map(|(axis, (a, b))| if axis.wraps { b + TAU * ((a - b) / TAU).round() } else { *b })
             .collect()
     }
 
@@ -106,11 +96,7 @@ impl JointSpace {
         self.axes
             .iter()
             .map(|axis| {
-                let (lo, hi) = if axis.wraps {
-                    (-PI, PI)
-                } else {
-                    (axis.lower, axis.upper)
-                };
+                let (lo, hi) = if axis.wraps { (-PI, PI) } else { (axis.lower, axis.upper) };
                 lo + (hi - lo) * rng.random::<f64>()
             })
             .collect()
@@ -131,12 +117,7 @@ mod tests {
     use std::f64::consts::PI;
 
     fn space() -> JointSpace {
-        let axis = |wraps| Axis {
-            lower: -1.0,
-            upper: 1.0,
-            wraps,
-            reach: 0.5,
-        };
+        let axis = |wraps| Axis { lower: -1.0, upper: 1.0, wraps, reach: 0.5 };
         JointSpace::new(vec![axis(false), axis(true)])
     }
 

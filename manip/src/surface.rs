@@ -29,11 +29,7 @@ pub struct Surface {
 impl Surface {
     /// The surface of a mesh; `None` when it has no triangle with an area.
     pub fn new(mesh: &Mesh) -> Option<Self> {
-        let vertices: Vec<Vector> = mesh
-            .positions
-            .iter()
-            .map(|p| Vector::new(p.x, p.y, p.z))
-            .collect();
+        let vertices: Vec<Vector> = mesh.positions.iter().map(|p| Vector::new(p.x, p.y, p.z)).collect();
         let mut sum = 0.0;
         let mut area = Vec::with_capacity(mesh.triangles.len());
         let (mut volume, mut moment) = (0.0, Vector3::zeros());
@@ -57,11 +53,7 @@ impl Surface {
             Point3::from(total / n)
         };
         let mesh = TriMesh::new(vertices, mesh.triangles.clone()).ok()?;
-        Some(Self {
-            mesh,
-            area,
-            center_of_mass,
-        })
+        Some(Self { mesh, area, center_of_mass })
     }
 
     /// A point drawn uniformly by area.
@@ -75,10 +67,7 @@ impl Surface {
         }
         let t = self.mesh.triangle(i as u32);
         let p = t.a + (t.b - t.a) * u as f32 + (t.c - t.a) * v as f32;
-        SurfacePoint {
-            point: to_point(p),
-            normal: self.normal(i as u32),
-        }
+        SurfacePoint { point: to_point(p), normal: self.normal(i as u32) }
     }
 
     fn normal(&self, triangle: u32) -> Vector3<f64> {
@@ -95,9 +84,7 @@ impl Surface {
         mode: RayCullingMode,
     ) -> Option<SurfacePoint> {
         let ray = Ray::new(to_vector(&from.coords), to_vector(dir));
-        let hit = self
-            .mesh
-            .cast_local_ray_with_culling(&ray, max as f32, mode)?;
+        let hit = self.mesh.cast_local_ray_with_culling(&ray, max as f32, mode)?;
         Some(SurfacePoint {
             point: from + dir * f64::from(hit.time_of_impact),
             normal: self.normal(hit.subshape),

@@ -25,25 +25,22 @@ fn info(name: &str) -> ObjectInfo {
     }
 }
 
-fn model(name: &str, positions: Vec<Point3<f32>>, triangles: Vec<[u32; 3]>, geometry: Convex) -> Arc<ObjectModel> {
+fn model(
+    name: &str,
+    positions: Vec<Point3<f32>>,
+    triangles: Vec<[u32; 3]>,
+    geometry: Convex,
+) -> Arc<ObjectModel> {
     let min = positions.iter().fold(Point3::new(f32::MAX, f32::MAX, f32::MAX), |m, p| m.inf(p));
     let max = positions.iter().fold(Point3::new(f32::MIN, f32::MIN, f32::MIN), |m, p| m.sup(p));
     let normals = positions.iter().map(|p| p.coords.normalize()).collect();
     Arc::new(ObjectModel {
         info: info(name),
         visual: Arc::new(Visual {
-            mesh: Arc::new(Mesh {
-                positions,
-                normals,
-                triangles,
-                ..Mesh::default()
-            }),
+            mesh: Arc::new(Mesh { positions, normals, triangles, ..Mesh::default() }),
             material: Material::default(),
         }),
-        collision: vec![CollisionShape {
-            pose: Isometry3::identity(),
-            geometry,
-        }],
+        collision: vec![CollisionShape { pose: Isometry3::identity(), geometry }],
         min: min.cast(),
         max: max.cast(),
         diameter: f64::from((max - min).norm()),
@@ -60,12 +57,18 @@ pub(crate) fn box_model(name: &str, size: [f64; 3]) -> Arc<ObjectModel> {
         })
         .collect();
     let triangles = vec![
-        [0, 2, 1], [1, 2, 3], // z low
-        [4, 5, 6], [5, 7, 6], // z high
-        [0, 1, 4], [1, 5, 4], // y low
-        [2, 6, 3], [3, 6, 7], // y high
-        [0, 4, 2], [2, 4, 6], // x low
-        [1, 3, 5], [3, 7, 5], // x high
+        [0, 2, 1],
+        [1, 2, 3], // z low
+        [4, 5, 6],
+        [5, 7, 6], // z high
+        [0, 1, 4],
+        [1, 5, 4], // y low
+        [2, 6, 3],
+        [3, 6, 7], // y high
+        [0, 4, 2],
+        [2, 4, 6], // x low
+        [1, 3, 5],
+        [3, 7, 5], // x high
     ];
     let half = Vector3::from(size) * 0.5;
     model(name, positions, triangles, Convex::Cuboid { half })
@@ -74,10 +77,8 @@ pub(crate) fn box_model(name: &str, size: [f64; 3]) -> Arc<ObjectModel> {
 /// A can along z.
 pub(crate) fn cylinder_model(name: &str, radius: f64, height: f64) -> Arc<ObjectModel> {
     let n = 48u32;
-    let mut positions = vec![
-        Point3::new(0.0, 0.0, (-0.5 * height) as f32),
-        Point3::new(0.0, 0.0, (0.5 * height) as f32),
-    ];
+    let mut positions =
+        vec![Point3::new(0.0, 0.0, (-0.5 * height) as f32), Point3::new(0.0, 0.0, (0.5 * height) as f32)];
     let mut triangles = Vec::new();
     for i in 0..n {
         let a = std::f64::consts::TAU * f64::from(i) / f64::from(n);
@@ -91,10 +92,7 @@ pub(crate) fn cylinder_model(name: &str, radius: f64, height: f64) -> Arc<Object
         triangles.push([p, q, q + 1]);
         triangles.push([p, q + 1, p + 1]);
     }
-    let geometry = Convex::Cylinder {
-        half_height: 0.5 * height,
-        radius,
-    };
+    let geometry = Convex::Cylinder { half_height: 0.5 * height, radius };
     model(name, positions, triangles, geometry)
 }
 
@@ -119,18 +117,10 @@ pub(crate) fn empty_scene() -> BeliefScene {
     };
     let mut fixtures = vec![CollisionShape {
         pose: Isometry3::translation(0.64, -0.05, table_height - 0.02),
-        geometry: Convex::Cuboid {
-            half: Vector3::new(0.30, 0.60, 0.02),
-        },
+        geometry: Convex::Cuboid { half: Vector3::new(0.30, 0.60, 0.02) },
     }];
     fixtures.extend(bin_fixtures(&bin, 0.008));
-    BeliefScene {
-        fixtures,
-        table_height,
-        bin,
-        objects: Vec::new(),
-        world_from_base: Pose::identity(),
-    }
+    BeliefScene { fixtures, table_height, bin, objects: Vec::new(), world_from_base: Pose::identity() }
 }
 
 /// `model` standing on the table at (x, y), turned by `yaw`.

@@ -64,7 +64,10 @@ fn every_grocery_gets_a_plan_whose_motions_meet_and_respect_all_limits() {
                 let p = &trajectory.points;
                 for w in p.windows(2) {
                     assert!(w[0].qd[k].abs() <= limit.velocity + 1e-9);
-                    assert!(range.clamp(w[0].q[k]) == w[0].q[k] || (range.clamp(w[0].q[k]) - w[0].q[k]).abs() < 1e-6);
+                    assert!(
+                        range.clamp(w[0].q[k]) == w[0].q[k]
+                            || (range.clamp(w[0].q[k]) - w[0].q[k]).abs() < 1e-6
+                    );
                 }
                 for w in p[..p.len() - 1].windows(3) {
                     let a = (w[2].q[k] - 2.0 * w[1].q[k] + w[0].q[k]) / (dt * dt);
@@ -91,11 +94,7 @@ fn plans_are_free_of_collision_at_every_control_point() {
         for step in &plan.steps {
             match &step.action {
                 Action::Gripper { width, .. } => opening = *width,
-                Action::Move {
-                    trajectory,
-                    holding,
-                    ..
-                } => {
+                Action::Move { trajectory, holding, .. } => {
                     for finger in planner.robot().fingers {
                         q[finger] = 0.5 * opening;
                     }
@@ -103,15 +102,12 @@ fn plans_are_free_of_collision_at_every_control_point() {
                         planner.solver().scatter(&point.q, &mut q);
                         // The first 3 cm of a lift may touch what the object lies on.
                         let leaving = step.name == StepName::Lift && i < trajectory.points.len() / 4;
-                        let near = matches!(step.name, StepName::Approach | StepName::Retreat | StepName::Lift);
+                        let near =
+                            matches!(step.name, StepName::Approach | StepName::Retreat | StepName::Lift);
                         let query = Query {
                             held: (*holding && !leaving).then_some(&held),
                             allowed: if near { &touch } else { &[] },
-                            margins: Margins {
-                                world: 0.0,
-                                own: 0.0,
-                                spread: 0.0,
-                            },
+                            margins: Margins { world: 0.0, own: 0.0, spread: 0.0 },
                         };
                         if let Some(pair) = checker.in_collision(&q, &query) {
                             panic!("{} {:?} {i}: {}", plan.object, step.name, checker.describe(pair));
@@ -137,10 +133,7 @@ fn same_seed_same_plan() {
 fn failures_name_their_stage() {
     let mut belief = groceries();
     let fail = |belief: &BeliefScene, target| {
-        planner()
-            .plan_pick_place(belief, target, &ready(), 0)
-            .unwrap_err()
-            .stage
+        planner().plan_pick_place(belief, target, &ready(), 0).unwrap_err().stage
     };
     assert_eq!(fail(&belief, 9), PlanStage::Input);
     let mut far = belief.clone();

@@ -57,12 +57,7 @@ impl Trajectory {
     /// Stands still at `q`.
     pub fn hold(joints: Vec<usize>, q: Vec<f64>, dt: f64) -> Self {
         let qd = vec![0.0; q.len()];
-        Self {
-            joints,
-            dt,
-            duration: 0.0,
-            points: vec![TrajectoryPoint { q, qd }],
-        }
+        Self { joints, dt, duration: 0.0, points: vec![TrajectoryPoint { q, qd }] }
     }
 
     /// Position and velocity at `t` seconds, held at the ends outside `[0, duration]`. Linear between points.
@@ -73,11 +68,7 @@ impl Trajectory {
         let (a, b) = (&self.points[i], &self.points[(i + 1).min(last)]);
         let begin = self.dt * i as f64;
         let end = (begin + self.dt).min(self.duration);
-        let f = if end > begin {
-            ((t - begin) / (end - begin)).clamp(0.0, 1.0)
-        } else {
-            0.0
-        };
+        let f = if end > begin { ((t - begin) / (end - begin)).clamp(0.0, 1.0) } else { 0.0 };
         let mix = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a + (b - a) * f).collect();
         (mix(&a.q, &b.q), mix(&a.qd, &b.qd))
     }
@@ -140,11 +131,7 @@ fn grid(path: &SmoothPath) -> Vec<Cell> {
             ends.extend(halvings.map(|x| piece.length - x));
         }
         ends.sort_by(f64::total_cmp);
-        cells.extend(ends.windows(2).map(|w| Cell {
-            piece: i,
-            offset: w[0],
-            length: w[1] - w[0],
-        }));
+        cells.extend(ends.windows(2).map(|w| Cell { piece: i, offset: w[0], length: w[1] - w[0] }));
         from_rest = piece.stop;
     }
     cells
@@ -158,10 +145,7 @@ fn path_rates(path: &SmoothPath, cells: &[Cell], limits: &MotionLimits) -> Vec<f
     bound[0] = 0.0;
     for (i, cell) in cells.iter().enumerate() {
         let piece = &path.pieces[cell.piece];
-        let (d0, d1) = (
-            piece.derivative(cell.offset),
-            piece.derivative(cell.offset + cell.length),
-        );
+        let (d0, d1) = (piece.derivative(cell.offset), piece.derivative(cell.offset + cell.length));
         let mut rate = piece.max_rate;
         for (k, v) in limits.velocity.iter().enumerate() {
             let steepest = d0[k].abs().max(d1[k].abs());
@@ -210,13 +194,7 @@ fn path_rates(path: &SmoothPath, cells: &[Cell], limits: &MotionLimits) -> Vec<f
 }
 
 /// The largest square rate at the end of a cell that begins with `x`, at most `bound`; none if the limits forbid it.
-fn next_rate(
-    path: &SmoothPath,
-    cell: &Cell,
-    limits: &MotionLimits,
-    x: f64,
-    bound: f64,
-) -> Option<f64> {
+fn next_rate(path: &SmoothPath, cell: &Cell, limits: &MotionLimits, x: f64, bound: f64) -> Option<f64> {
     let piece = &path.pieces[cell.piece];
     let h = 2.0 * cell.length;
     let (mut low, mut high) = (0.0_f64, bound);
@@ -242,13 +220,7 @@ fn next_rate(
 }
 
 /// Evaluates position and velocity every `dt`.
-fn sample_cells(
-    joints: &[usize],
-    path: &SmoothPath,
-    cells: &[Cell],
-    x: &[f64],
-    dt: f64,
-) -> Trajectory {
+fn sample_cells(joints: &[usize], path: &SmoothPath, cells: &[Cell], x: &[f64], dt: f64) -> Trajectory {
     let mut points = Vec::new();
     let mut begin = 0.0; // time at the beginning of the cell
     let mut k = 0; // next point to make
@@ -274,12 +246,7 @@ fn sample_cells(
     let q = piece.position(piece.length);
     let qd = vec![0.0; q.len()];
     points.push(TrajectoryPoint { q, qd });
-    Trajectory {
-        joints: joints.to_vec(),
-        dt,
-        duration: begin,
-        points,
-    }
+    Trajectory { joints: joints.to_vec(), dt, duration: begin, points }
 }
 
 #[cfg(test)]
@@ -290,10 +257,7 @@ mod tests {
     const DT: f64 = 1.0 / 240.0;
 
     fn limits(v: &[f64], a: &[f64]) -> MotionLimits {
-        MotionLimits {
-            velocity: v.to_vec(),
-            acceleration: a.to_vec(),
-        }
+        MotionLimits { velocity: v.to_vec(), acceleration: a.to_vec() }
     }
 
     fn timed(waypoints: &[Vec<f64>], limits: &MotionLimits) -> Trajectory {
@@ -317,10 +281,7 @@ mod tests {
             }
             for w in p[..n - 1].windows(3) {
                 let second = (w[2].q[k] - 2.0 * w[1].q[k] + w[0].q[k]) / (DT * DT);
-                assert!(
-                    second.abs() <= a * (1.0 + 1e-6) + 1e-6,
-                    "joint {k} {second} > {a}"
-                );
+                assert!(second.abs() <= a * (1.0 + 1e-6) + 1e-6, "joint {k} {second} > {a}");
                 let change = (w[1].qd[k] - w[0].qd[k]) / DT;
                 assert!(change.abs() <= a * (1.0 + 1e-6) + 1e-6);
                 tightest = tightest.max(second.abs() / a);
@@ -334,17 +295,10 @@ mod tests {
         for (distance, v, a) in [(2.0, 1.0, 1.5), (0.1, 1.0, 1.5), (0.4, 0.1, 0.5)] {
             let l = limits(&[v, 10.0], &[a, 10.0]);
             let t = timed(&[vec![0.0, 0.0], vec![distance, 0.0]], &l);
-            let exact = if distance > v * v / a {
-                distance / v + v / a
-            } else {
-                2.0 * f64::sqrt(distance / a)
-            };
+            let exact =
+                if distance > v * v / a { distance / v + v / a } else { 2.0 * f64::sqrt(distance / a) };
             // The grid costs one cell's rounding of the ramp.
-            assert!(
-                (t.duration - exact).abs() < 0.01 * exact,
-                "{} {exact}",
-                t.duration
-            );
+            assert!((t.duration - exact).abs() < 0.01 * exact, "{} {exact}", t.duration);
             assert!(t.duration >= exact - 1e-9);
             check(&t, &l);
             // A quarter of the way up the ramp the position is a t^2 / 2.
@@ -377,10 +331,7 @@ mod tests {
     #[test]
     fn a_path_without_motion_holds() {
         let q = vec![0.1, 0.2];
-        let t = timed(
-            &[q.clone(), q.clone()],
-            &limits(&[1.0, 1.0], &[1.0, 1.0]),
-        );
+        let t = timed(&[q.clone(), q.clone()], &limits(&[1.0, 1.0], &[1.0, 1.0]));
         assert_eq!(t.duration, 0.0);
         assert_eq!(t.sample(3.0).0, q);
     }

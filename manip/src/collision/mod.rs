@@ -14,8 +14,8 @@ use grip_sim::objects::ObjectModel;
 use nalgebra::Isometry3;
 use parry3d::math::{Pose, Vector};
 
-pub use robot::RobotSolids;
 use robot::LinkSolids;
+pub use robot::RobotSolids;
 use solid::{Piece, distance, near, pose32};
 
 use crate::belief::BeliefScene;
@@ -68,21 +68,10 @@ pub struct Held {
 impl Held {
     /// `model`, the belief's object number `object`, held at `gripper_from_object`.
     pub fn new(model: &ObjectModel, object: usize, gripper_from_object: Isometry3<f64>) -> Self {
-        let pieces: Vec<Piece> = model
-            .collision
-            .iter()
-            .map(|s| Piece::new(s, &gripper_from_object))
-            .collect();
-        let extent = pieces
-            .iter()
-            .flat_map(Piece::corners)
-            .fold(0.0_f32, |m, c| m.max(c.length()));
-        Self {
-            solids: LinkSolids::new(pieces, true),
-            object,
-            gripper_from_object,
-            extent: f64::from(extent),
-        }
+        let pieces: Vec<Piece> =
+            model.collision.iter().map(|s| Piece::new(s, &gripper_from_object)).collect();
+        let extent = pieces.iter().flat_map(Piece::corners).fold(0.0_f32, |m, c| m.max(c.length()));
+        Self { solids: LinkSolids::new(pieces, true), object, gripper_from_object, extent: f64::from(extent) }
     }
 }
 
@@ -99,9 +88,7 @@ pub struct Query<'a> {
 
 impl Query<'_> {
     fn allows(&self, a: Body, b: Body) -> bool {
-        self.allowed
-            .iter()
-            .any(|p| (p.a == a && p.b == b) || (p.a == b && p.b == a))
+        self.allowed.iter().any(|p| (p.a == a && p.b == b) || (p.a == b && p.b == a))
     }
 }
 
@@ -142,20 +129,11 @@ impl CollisionChecker {
         });
         let objects = belief.objects.iter().enumerate().map(|(i, object)| {
             let base_from_object = base_from_world * object.world_from_object.iso();
-            let pieces = object
-                .model
-                .collision
-                .iter()
-                .map(|s| Piece::new(s, &base_from_object))
-                .collect();
+            let pieces = object.model.collision.iter().map(|s| Piece::new(s, &base_from_object)).collect();
             obstacle(Body::Object(i), pieces, object.position_std_m.clamp(0.0, 0.010))
         });
-        let names = belief
-            .objects
-            .iter()
-            .enumerate()
-            .map(|(i, o)| (Body::Object(i), o.name.clone()))
-            .collect();
+        let names =
+            belief.objects.iter().enumerate().map(|(i, o)| (Body::Object(i), o.name.clone())).collect();
         Self {
             obstacles: fixtures.chain(objects).filter(|o| !o.pieces.is_empty()).collect(),
             names,
@@ -209,12 +187,7 @@ impl CollisionChecker {
     }
 
     /// Calls `report` for each pair too close until it says stop.
-    fn visit(
-        &self,
-        q: &[f64],
-        query: &Query<'_>,
-        report: &mut impl FnMut(CollisionPair) -> bool,
-    ) {
+    fn visit(&self, q: &[f64], query: &Query<'_>, report: &mut impl FnMut(CollisionPair) -> bool) {
         let scratch = &mut *self.scratch.borrow_mut();
         self.robot.model.fk_into(q, &mut scratch.poses);
         scratch.links.clear();
@@ -226,10 +199,7 @@ impl CollisionChecker {
         for (i, (link, pose)) in self.robot.links.iter().zip(poses).enumerate() {
             if link.moves && !link.pieces.is_empty() {
                 for o in self.obstacles.iter().filter(|o| Some(o.body) != skip) {
-                    let pair = CollisionPair {
-                        a: Body::Link(i),
-                        b: o.body,
-                    };
+                    let pair = CollisionPair { a: Body::Link(i), b: o.body };
                     if o.meets(link, pose, margin, query) && !query.allows(pair.a, pair.b) && report(pair) {
                         return;
                     }
@@ -238,15 +208,9 @@ impl CollisionChecker {
         }
         let own = query.margins.own as f32;
         for &(a, b) in &self.robot.pairs {
-            let pair = CollisionPair {
-                a: Body::Link(a),
-                b: Body::Link(b),
-            };
-            if links_meet(
-                (&self.robot.links[a], &poses[a]),
-                (&self.robot.links[b], &poses[b]),
-                own,
-            ) && !query.allows(pair.a, pair.b)
+            let pair = CollisionPair { a: Body::Link(a), b: Body::Link(b) };
+            if links_meet((&self.robot.links[a], &poses[a]), (&self.robot.links[b], &poses[b]), own)
+                && !query.allows(pair.a, pair.b)
                 && report(pair)
             {
                 return;
@@ -255,14 +219,8 @@ impl CollisionChecker {
         let Some(held) = query.held else { return };
         let pose = &poses[self.robot.gripper];
         for o in self.obstacles.iter().filter(|o| Some(o.body) != skip) {
-            let pair = CollisionPair {
-                a: Body::Held,
-                b: o.body,
-            };
-            if o.meets(&held.solids, pose, margin, query)
-                && !query.allows(pair.a, pair.b)
-                && report(pair)
-            {
+            let pair = CollisionPair { a: Body::Held, b: o.body };
+            if o.meets(&held.solids, pose, margin, query) && !query.allows(pair.a, pair.b) && report(pair) {
                 return;
             }
         }
@@ -270,10 +228,7 @@ impl CollisionChecker {
             if link.pieces.is_empty() || self.robot.hand.contains(&i) {
                 continue;
             }
-            let pair = CollisionPair {
-                a: Body::Held,
-                b: Body::Link(i),
-            };
+            let pair = CollisionPair { a: Body::Held, b: Body::Link(i) };
             if links_meet((&held.solids, pose), (link, &poses[i]), own)
                 && !query.allows(pair.a, pair.b)
                 && report(pair)
@@ -319,9 +274,10 @@ impl CollisionChecker {
             for piece in &solids.pieces {
                 let at = *pose * piece.pose;
                 for other in &o.pieces {
-                    let reachable = piece.cover.iter().any(|c| {
-                        other.box_distance_squared(*pose * *c) <= (piece.ball + best).powi(2)
-                    });
+                    let reachable = piece
+                        .cover
+                        .iter()
+                        .any(|c| other.box_distance_squared(*pose * *c) <= (piece.ball + best).powi(2));
                     if reachable {
                         let pose12 = other.pose.inverse() * at;
                         best = best.min(distance(&pose12, &other.solid, &piece.solid, best));
@@ -387,20 +343,12 @@ fn obstacle(body: Body, pieces: Vec<Piece>, spread: f64) -> Obstacle {
         low = low.min(corner);
         high = high.max(corner);
     }
-    Obstacle {
-        body,
-        pieces,
-        center: (low + high) * 0.5,
-        half: (high - low) * 0.5,
-        spread: spread as f32,
-    }
+    Obstacle { body, pieces, center: (low + high) * 0.5, half: (high - low) * 0.5, spread: spread as f32 }
 }
 
 impl Obstacle {
     fn box_distance(&self, point: Vector) -> f32 {
-        ((point - self.center).abs() - self.half)
-            .max(Vector::ZERO)
-            .length()
+        ((point - self.center).abs() - self.half).max(Vector::ZERO).length()
     }
 
     /// Whether solids at `pose` are closer than the margin.
@@ -411,15 +359,9 @@ impl Obstacle {
         }
         solids.pieces.iter().any(|piece| {
             let bound = piece.ball + margin;
-            let touches_box = piece
-                .cover
-                .iter()
-                .any(|c| self.box_distance(*pose * *c) <= bound);
+            let touches_box = piece.cover.iter().any(|c| self.box_distance(*pose * *c) <= bound);
             touches_box
-                && self
-                    .pieces
-                    .iter()
-                    .any(|other| pieces_meet(piece, pose, other, &Pose::IDENTITY, margin))
+                && self.pieces.iter().any(|other| pieces_meet(piece, pose, other, &Pose::IDENTITY, margin))
         })
     }
 }
@@ -427,31 +369,19 @@ impl Obstacle {
 fn links_meet(a: (&LinkSolids, &Pose), b: (&LinkSolids, &Pose), margin: f32) -> bool {
     let apart = (*a.1 * a.0.center - *b.1 * b.0.center).length();
     apart <= a.0.radius + b.0.radius + margin
-        && a.0.pieces.iter().any(|p| {
-            b.0.pieces
-                .iter()
-                .any(|other| pieces_meet(p, a.1, other, b.1, margin))
-        })
+        && a.0.pieces.iter().any(|p| b.0.pieces.iter().any(|other| pieces_meet(p, a.1, other, b.1, margin)))
 }
 
 fn pieces_meet(a: &Piece, pose_a: &Pose, b: &Piece, pose_b: &Pose, margin: f32) -> bool {
     let b_from_a = pose_b.inverse() * *pose_a;
     let bound = (a.ball + margin).powi(2);
-    if !a
-        .cover
-        .iter()
-        .any(|c| b.box_distance_squared(b_from_a * *c) <= bound)
-    {
+    if !a.cover.iter().any(|c| b.box_distance_squared(b_from_a * *c) <= bound) {
         return false;
     }
     // The other way round too: a long piece's balls are loose about a short one.
     let a_from_b = b_from_a.inverse();
     let bound = (b.ball + margin).powi(2);
-    if !b
-        .cover
-        .iter()
-        .any(|c| a.box_distance_squared(a_from_b * *c) <= bound)
-    {
+    if !b.cover.iter().any(|c| a.box_distance_squared(a_from_b * *c) <= bound) {
         return false;
     }
     let pose12 = b.pose.inverse() * b_from_a * a.pose;

@@ -21,20 +21,11 @@ pub(crate) struct LinkSolids {
 
 impl LinkSolids {
     pub fn new(pieces: Vec<Piece>, moves: bool) -> Self {
-        let points = || {
-            pieces
-                .iter()
-                .flat_map(|p| p.cover.iter().map(move |c| (*c, p.ball)))
-        };
+        let points = || pieces.iter().flat_map(|p| p.cover.iter().map(move |c| (*c, p.ball)));
         let n = points().count().max(1) as f32;
         let center = points().fold(Vector::ZERO, |sum, (c, _)| sum + c) / n;
         let radius = points().fold(0.0_f32, |r, (c, ball)| r.max((c - center).length() + ball));
-        Self {
-            pieces,
-            center,
-            radius,
-            moves,
-        }
+        Self { pieces, center, radius, moves }
     }
 }
 
@@ -94,18 +85,15 @@ impl RobotSolids {
         let gripper = config.gripper.link;
         let finger_links = config.gripper.finger_links;
         let fingers = config.gripper.fingers;
-        let hand: Vec<usize> = (0..links.len())
-            .filter(|&i| body[i] == body[gripper] || finger_links.contains(&i))
-            .collect();
+        let hand: Vec<usize> =
+            (0..links.len()).filter(|&i| body[i] == body[gripper] || finger_links.contains(&i)).collect();
         let mut q = model.neutral();
         let mut relative = |opening: f64| -> Vec<Isometry3<f64>> {
             for finger in fingers {
                 q[finger] = opening;
             }
             let poses = model.fk(&q);
-            hand.iter()
-                .map(|&link| poses[gripper].inverse() * poses[link])
-                .collect()
+            hand.iter().map(|&link| poses[gripper].inverse() * poses[link]).collect()
         };
         let (closed, open) = (relative(0.0), relative(0.01));
         let hand_closed = closed
@@ -113,31 +101,16 @@ impl RobotSolids {
             .zip(open)
             .map(|(c, o)| (c, (o.translation.vector - c.translation.vector) / 0.01))
             .collect();
-        Self {
-            links,
-            pairs,
-            gripper,
-            fingers,
-            finger_links,
-            hand,
-            hand_closed,
-            model,
-        }
+        Self { links, pairs, gripper, fingers, finger_links, hand, hand_closed, model }
     }
 
     /// Gripper from each link of the hand with `opening` metres between the pads.
-    pub(crate) fn hand_poses(
-        &self,
-        opening: f64,
-    ) -> impl Iterator<Item = (usize, Isometry3<f64>)> + '_ {
-        self.hand
-            .iter()
-            .zip(&self.hand_closed)
-            .map(move |(&link, (closed, slope))| {
-                let mut pose = *closed;
-                pose.translation.vector += slope * (0.5 * opening);
-                (link, pose)
-            })
+    pub(crate) fn hand_poses(&self, opening: f64) -> impl Iterator<Item = (usize, Isometry3<f64>)> + '_ {
+        self.hand.iter().zip(&self.hand_closed).map(move |(&link, (closed, slope))| {
+            let mut pose = *closed;
+            pose.translation.vector += slope * (0.5 * opening);
+            (link, pose)
+        })
     }
 
     /// For each joint of a group, metres that the farthest point of the robot moves per unit of the joint, at most.
@@ -181,18 +154,11 @@ impl RobotSolids {
                     frame[i] = frame[parent.parent].map(|f| f * step);
                 }
             }
-            let slide = if self.finger_links.contains(&i) {
-                0.05
-            } else {
-                0.0
-            };
+            let slide = if self.finger_links.contains(&i) { 0.05 } else { 0.0 };
             for piece in &self.links[i].pieces {
                 for corner in piece.corners() {
-                    let p = nalgebra::Point3::new(
-                        f64::from(corner.x),
-                        f64::from(corner.y),
-                        f64::from(corner.z),
-                    );
+                    let p =
+                        nalgebra::Point3::new(f64::from(corner.x), f64::from(corner.y), f64::from(corner.z));
                     let bound = match &frame[i] {
                         Some(f) => (f * p).coords.cross(&axis).norm() + slide,
                         None => far[i] + p.coords.norm(),

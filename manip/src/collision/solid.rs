@@ -30,15 +30,8 @@ pub(crate) enum Solid {
 impl SupportMap for Solid {
     fn local_support_point(&self, dir: Vector) -> Vector {
         match self {
-            Solid::Cuboid(h) => Vector::new(
-                h.x.copysign(dir.x),
-                h.y.copysign(dir.y),
-                h.z.copysign(dir.z),
-            ),
-            Solid::Cylinder {
-                half_height,
-                radius,
-            } => {
+            Solid::Cuboid(h) => Vector::new(h.x.copysign(dir.x), h.y.copysign(dir.y), h.z.copysign(dir.z)),
+            Solid::Cylinder { half_height, radius } => {
                 let flat = (dir.x * dir.x + dir.y * dir.y).sqrt();
                 let z = half_height.copysign(dir.z);
                 if flat > 1e-12 {
@@ -88,20 +81,13 @@ impl Piece {
             Convex::Cuboid { half } => {
                 Solid::Cuboid(Vector::new(half.x as f32, half.y as f32, half.z as f32))
             }
-            Convex::Cylinder {
-                half_height,
-                radius,
-            } => Solid::Cylinder {
-                half_height: *half_height as f32,
-                radius: *radius as f32,
-            },
+            Convex::Cylinder { half_height, radius } => {
+                Solid::Cylinder { half_height: *half_height as f32, radius: *radius as f32 }
+            }
             Convex::Sphere { radius } => Solid::Ball(*radius as f32),
             Convex::Hull { points } if points.is_empty() => Solid::Ball(0.0),
             Convex::Hull { points } => Solid::Points(
-                points
-                    .iter()
-                    .map(|p| Vector::new(p.x as f32, p.y as f32, p.z as f32))
-                    .collect(),
+                points.iter().map(|p| Vector::new(p.x as f32, p.y as f32, p.z as f32)).collect(),
             ),
         };
         let pose = pose32(&(owner_from_parent * shape.pose));
@@ -117,14 +103,7 @@ impl Piece {
         );
         let (center, half) = ((high + low) * 0.5, (high - low) * 0.5);
         let (cover, ball) = cover(center, half);
-        Self {
-            solid,
-            center,
-            half,
-            cover: cover.into_iter().map(|c| pose * c).collect(),
-            ball,
-            pose,
-        }
+        Self { solid, center, half, cover: cover.into_iter().map(|c| pose * c).collect(), ball, pose }
     }
 
     /// The squared distance of a point of the owner's frame from the bounding box.
@@ -156,9 +135,7 @@ fn cover(center: Vector, half: Vector) -> (Vec<Vector>, f32) {
     let across = (half.length_squared() - long * long).max(0.0).sqrt();
     let n = ((long / across.max(1e-3)).ceil() as usize).clamp(1, MAX_COVER);
     let slab = long / n as f32;
-    let balls = (0..n)
-        .map(|i| center + axis * (slab * (2.0 * i as f32 + 1.0) - long))
-        .collect();
+    let balls = (0..n).map(|i| center + axis * (slab * (2.0 * i as f32 + 1.0) - long)).collect();
     (balls, (slab * slab + across * across).sqrt())
 }
 
@@ -199,10 +176,7 @@ mod tests {
     #[test]
     fn distances_between_solids_are_the_closed_forms() {
         let cube = Solid::Cuboid(Vector::splat(0.1));
-        let can = Solid::Cylinder {
-            half_height: 0.2,
-            radius: 0.05,
-        };
+        let can = Solid::Cylinder { half_height: 0.2, radius: 0.05 };
         let ball = Solid::Ball(0.03);
         // The iteration in single precision stops at a relative error of 1e-3.
         let d = distance(&at(0.5, 0.0, 0.0), &cube, &can, 1.0);
@@ -228,9 +202,7 @@ mod tests {
             .collect();
         let shape = CollisionShape {
             pose: Isometry3::new(Vector3::new(0.1, 0.2, 0.3), Vector3::new(0.3, 0.5, -0.2)),
-            geometry: Convex::Hull {
-                points: hull.clone(),
-            },
+            geometry: Convex::Hull { points: hull.clone() },
         };
         let piece = Piece::new(&shape, &Isometry3::identity());
         assert!(piece.cover.len() > 2);
