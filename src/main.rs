@@ -32,8 +32,9 @@ fn main() -> ExitCode {
     };
     // Graphics drivers and libraries log freely: silent unless asked.
     let level = match cli.verbose {
-        0 => "grip=warn,grip_sim=warn,grip_perception=warn,grip_manip=warn,off",
-        1 => "grip=info,grip_sim=info,grip_perception=info,grip_manip=info,warn",
+        0 => "off,grip=warn,grip_sim=warn,grip_perception=warn,grip_manip=warn",
+        1 => "warn,grip=info,grip_sim=info,grip_perception=info,grip_manip=info",
+        2 => "info,grip=debug,grip_sim=debug,grip_perception=debug,grip_manip=debug",
         _ => "debug",
     };
     env_logger::Builder::new().parse_filters(level).format_timestamp(None).format_target(false).init();

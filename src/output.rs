@@ -3,6 +3,8 @@
 use std::fmt::Arguments;
 use std::io::{self, Write};
 
+use comfy_table::{CellAlignment, Table, presets::NOTHING};
+
 /// A line of data on stdout.
 ///
 /// # Errors
@@ -17,4 +19,19 @@ pub fn data(line: Arguments<'_>) -> anyhow::Result<()> {
 /// A line for people on stderr; nobody is helped when that fails.
 pub fn message(line: Arguments<'_>) {
     let _ = writeln!(io::stderr().lock(), "{line}");
+}
+
+/// A table without lines; `right` names the columns that are aligned to the right.
+pub fn table<const N: usize>(header: [&str; N], right: &[usize], rows: impl IntoIterator<Item = [String; N]>) -> String {
+    let mut table = Table::new();
+    table.load_style(NOTHING).set_header(header);
+    for row in rows {
+        table.add_row(row);
+    }
+    for &column in right {
+        if let Some(column) = table.column_mut(column) {
+            column.set_cell_alignment(CellAlignment::Right);
+        }
+    }
+    table.trim_fmt()
 }

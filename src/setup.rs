@@ -231,5 +231,5 @@ fn start_configuration(scene: &Scene, robot: &RobotModel, config: &RobotConfig) 
     }
     let [x, y, z] = scene.robot.look_at;
     let target = scene.world_from_base().inverse().transform_point(&Point3::new(x, y, z));
-    Ok(config.head.look_at(robot, &q, &target))
+    Ok(config.look_at(robot, &q, &target))
 }

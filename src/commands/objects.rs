@@ -1,7 +1,6 @@
 //! `grip objects`: the table of objects and which set is in use.
 
 use anyhow::Result;
-use comfy_table::{CellAlignment, Table, presets::NOTHING};
 
 use super::Done;
 use crate::cli::ObjectsArgs;
@@ -20,13 +19,10 @@ pub fn run(args: &ObjectsArgs) -> Result<Done> {
         output::data(format_args!("{}", serde_json::to_string_pretty(&json)?))?;
         return Ok(Done::Fully);
     }
-    let mut table = Table::new();
-    table.load_preset(NOTHING);
-    table.set_header(["object", "id", "mass g", "size mm", "friction", "metric", "fragility", "upright"]);
+    let mut rows = Vec::new();
     for info in infos {
-        let model = library.load(&info.name)?;
-        let size = model.size() * 1e3;
-        table.add_row([
+        let size = library.load(&info.name)?.size() * 1e3;
+        rows.push([
             info.name.clone(),
             info.bop_id.to_string(),
             format!("{:.0}", info.mass_kg * 1e3),
@@ -37,11 +33,8 @@ pub fn run(args: &ObjectsArgs) -> Result<Done> {
             if info.upright { "yes" } else { "" }.to_string(),
         ]);
     }
-    for column in [1, 2, 4] {
-        if let Some(column) = table.column_mut(column) {
-            column.set_cell_alignment(CellAlignment::Right);
-        }
-    }
+    let header = ["object", "id", "mass g", "size mm", "friction", "metric", "fragility", "upright"];
+    let table = output::table(header, &[1, 2, 4], rows);
     output::data(format_args!("{table}"))?;
     output::data(format_args!("\nobject set in use: {}", library.set().label()))?;
     Ok(Done::Fully)

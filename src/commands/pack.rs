@@ -4,7 +4,6 @@ use std::path::PathBuf;
 use std::time::Duration;
 
 use anyhow::{Result, ensure};
-use comfy_table::{CellAlignment, Table, presets::NOTHING};
 use grip_sim::render;
 use indicatif::{ProgressBar, ProgressStyle};
 
@@ -96,12 +95,9 @@ fn save(run: &RunDir, setup: &Setup, args: &PackArgs, trial: &Trial) -> Result<(
 }
 
 fn table(result: &TrialResult) -> String {
-    let mut table = Table::new();
-    table.load_preset(NOTHING);
-    table.set_header(["object", "outcome", "ADD-S mm", "slip mm", "peak N", "tries", "why"]);
-    for item in &result.items {
-        let mm = |metres: Option<f64>| metres.map_or("-".to_string(), |m| format!("{:.1}", m * 1e3));
-        table.add_row([
+    let mm = |metres: Option<f64>| metres.map_or("-".to_string(), |m| format!("{:.1}", m * 1e3));
+    let rows = result.items.iter().map(|item| {
+        [
             item.object.clone(),
             item.outcome.words().to_string(),
             mm(item.adds_m),
@@ -109,13 +105,10 @@ fn table(result: &TrialResult) -> String {
             format!("{:.0}", item.peak_force_n),
             item.attempts.to_string(),
             item.reason.clone(),
-        ]);
-    }
-    for column in 2..6 {
-        if let Some(column) = table.column_mut(column) {
-            column.set_cell_alignment(CellAlignment::Right);
-        }
-    }
+        ]
+    });
+    let header = ["object", "outcome", "ADD-S mm", "slip mm", "peak N", "tries", "why"];
+    let table = output::table(header, &[2, 3, 4, 5], rows);
     let mark = if result.estimator == "truth" { " [estimator: truth, a ceiling and no result]" } else { "" };
     format!(
         "{table}\n\n{} of {} packed in {:.1} s ({:.1} s simulated), objects: {}, renderer: {}{mark}",

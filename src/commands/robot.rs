@@ -1,7 +1,6 @@
 //! `grip robot`: what was loaded, joints and limits.
 
 use anyhow::Result;
-use comfy_table::{CellAlignment, Table, presets::NOTHING};
 use grip_sim::robot::RobotModel;
 
 use super::Done;
@@ -55,25 +54,19 @@ pub fn run(args: &RobotArgs) -> Result<Done> {
         loaded.collisions,
         loaded.meshes
     ))?;
-    let mut table = Table::new();
-    table.load_preset(NOTHING);
-    table.set_header(["joint", "kind", "lower", "upper", "velocity", "effort"]);
-    for joint in robot.joints() {
-        let bound = |v: f64| if v.is_finite() { format!("{v:.4}") } else { "-".to_string() };
-        table.add_row([
+    let bound = |v: f64| if v.is_finite() { format!("{v:.4}") } else { "-".to_string() };
+    let rows = robot.joints().iter().map(|joint| {
+        [
             joint.name.clone(),
             format!("{:?}", joint.kind).to_lowercase(),
             bound(joint.limits.lower),
             bound(joint.limits.upper),
             format!("{:.3}", joint.limits.velocity),
             format!("{:.2}", joint.limits.effort),
-        ]);
-    }
-    for column in 2..6 {
-        if let Some(column) = table.column_mut(column) {
-            column.set_cell_alignment(CellAlignment::Right);
-        }
-    }
+        ]
+    });
+    let header = ["joint", "kind", "lower", "upper", "velocity", "effort"];
+    let table = output::table(header, &[2, 3, 4, 5], rows);
     output::data(format_args!("{table}"))?;
     Ok(Done::Fully)
 }
