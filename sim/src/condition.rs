@@ -29,10 +29,7 @@ pub struct ExposureLimits {
 
 impl Default for ExposureLimits {
     fn default() -> Self {
-        Self {
-            max_time_s: 1.0 / 30.0,
-            max_gain: 8.0,
-        }
+        Self { max_time_s: 1.0 / 30.0, max_gain: 8.0 }
     }
 }
 
@@ -84,10 +81,7 @@ impl Condition {
         if !known.iter().any(|k| k == name) {
             return Err(Error::invalid(
                 dir,
-                format!(
-                    "no condition '{name}' here; there are: {}",
-                    known.join(", ")
-                ),
+                format!("no condition '{name}' here; there are: {}", known.join(", ")),
             ));
         }
         Self::load(&dir.join(format!("{name}.toml")))
@@ -114,14 +108,9 @@ impl Condition {
         if let Some(problem) = self.lighting.problem() {
             return Some(format!("lighting.{problem}"));
         }
-        let ExposureLimits {
-            max_time_s,
-            max_gain,
-        } = self.exposure;
+        let ExposureLimits { max_time_s, max_gain } = self.exposure;
         if !(max_time_s.is_finite() && (1e-5..=10.0).contains(&max_time_s)) {
-            return Some(format!(
-                "exposure.max_time_s = {max_time_s}: must be 1e-5 to 10 seconds"
-            ));
+            return Some(format!("exposure.max_time_s = {max_time_s}: must be 1e-5 to 10 seconds"));
         }
         if !(max_gain.is_finite() && (1.0..=1000.0).contains(&max_gain)) {
             return Some(format!("exposure.max_gain = {max_gain}: must be 1 to 1000"));
@@ -131,9 +120,7 @@ impl Condition {
 }
 
 fn stem(path: &Path) -> String {
-    path.file_stem()
-        .map(|s| s.to_string_lossy().into_owned())
-        .unwrap_or_default()
+    path.file_stem().map(|s| s.to_string_lossy().into_owned()).unwrap_or_default()
 }
 
 #[cfg(test)]
@@ -192,31 +179,21 @@ mod tests {
         assert!(light("intensity_cd = -3.0").contains("lights[0].intensity_cd = -3"));
         assert!(light("intensity_cd = 3.0\nhalf_angle = 9.0").contains("half_angle = 9"));
         assert!(light("intensity_cd = 3.0\ncolour = [1, 1, 1]").contains("colour"));
-        assert!(
-            error_of("placement = \"spread\"\n[lighting]\nambient_lux = nan")
-                .contains("ambient_lux")
-        );
+        assert!(error_of("placement = \"spread\"\n[lighting]\nambient_lux = nan").contains("ambient_lux"));
         assert!(error_of("placement = \"heaped\"\n[lighting]\nambient_lux = 1").contains("heaped"));
         assert!(
-            error_of(&format!("{good}[exposure]\nmax_time_s = 0\nmax_gain = 2"))
-                .contains("max_time_s = 0")
+            error_of(&format!("{good}[exposure]\nmax_time_s = 0\nmax_gain = 2")).contains("max_time_s = 0")
         );
         let five =
-            "[[lighting.lights]]\nposition = [0, 0, 2]\ntarget = [1, 0, 0]\nintensity_cd = 1\n"
-                .repeat(5);
+            "[[lighting.lights]]\nposition = [0, 0, 2]\ntarget = [1, 0, 0]\nintensity_cd = 1\n".repeat(5);
         assert!(error_of(&format!("{good}{five}")).contains("at most 4"));
         assert!(error_of("placement = ").contains("odd.toml"));
     }
 
     #[test]
     fn an_unknown_name_lists_those_present() {
-        let error = Condition::load_named(&shipped(), "foggy")
-            .unwrap_err()
-            .to_string();
-        assert!(
-            error.contains("foggy") && error.contains("light-left"),
-            "{error}"
-        );
+        let error = Condition::load_named(&shipped(), "foggy").unwrap_err().to_string();
+        assert!(error.contains("foggy") && error.contains("light-left"), "{error}");
         assert!(Condition::load_named(Path::new("/nowhere"), "base").is_err());
     }
 }

@@ -1,6 +1,6 @@
 //! The renderers against closed forms, against each other, and against the sensor's contract.
 
-#![allow(clippy::unwrap_used, clippy::expect_used, missing_docs)]
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::print_stdout, missing_docs)]
 
 mod shapes;
 
@@ -14,21 +14,12 @@ use grip_sim::mesh::{Material, Mesh};
 use grip_sim::pose::{Camera, Pose, World};
 use grip_sim::render::cpu::CpuRenderer;
 use grip_sim::render::wgpu::WgpuRenderer;
-use grip_sim::render::{
-    Instance, Light, Lighting, RenderScene, Renderer, RendererChoice, Rendering, open,
-};
+use grip_sim::render::{Instance, Light, Lighting, RenderScene, Renderer, RendererChoice, Rendering, open};
 use grip_sim::sensor::{capture, depth::DepthNoise};
 use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
 use shapes::{at, cuboid, sphere, tabletop, visual};
 
-const SMALL: Intrinsics = Intrinsics {
-    width: 160,
-    height: 120,
-    fx: 140.0,
-    fy: 138.0,
-    cx: 77.3,
-    cy: 61.9,
-};
+const SMALL: Intrinsics = Intrinsics { width: 160, height: 120, fx: 140.0, fy: 138.0, cx: 77.3, cy: 61.9 };
 
 /// The wgpu renderer; `None`, visibly, where there is no adapter, which `GRIP_REQUIRE_ADAPTER=1` forbids.
 fn wgpu_or_skip(test: &str) -> Option<Box<dyn Renderer>> {
@@ -53,27 +44,16 @@ fn renderers(test: &str) -> Vec<Box<dyn Renderer>> {
 }
 
 fn ambient(lux: f64) -> Lighting {
-    Lighting {
-        ambient_lux: lux,
-        lights: Vec::new(),
-    }
+    Lighting { ambient_lux: lux, lights: Vec::new() }
 }
 
 fn one(mesh: Mesh, material: Material, pose: Isometry3<f64>, label: u16) -> RenderScene {
-    RenderScene {
-        instances: vec![Instance {
-            visual: visual(mesh, material),
-            pose,
-            label,
-        }],
-    }
+    RenderScene { instances: vec![Instance { visual: visual(mesh, material), pose, label }] }
 }
 
 /// Draws with the camera at the world's origin, so that world is the optical frame.
 fn draw(renderer: &mut dyn Renderer, scene: &RenderScene) -> Rendering {
-    renderer
-        .render(scene, &ambient(100.0), &SMALL, &Pose::identity())
-        .unwrap()
+    renderer.render(scene, &ambient(100.0), &SMALL, &Pose::identity()).unwrap()
 }
 
 /// Calls `check(u, v, x/z, y/z)` for every pixel.
@@ -93,11 +73,7 @@ fn a_plane_straight_on_has_constant_depth() {
     for mut renderer in renderers("plane") {
         let seen = draw(renderer.as_mut(), &scene);
         for_pixels(|u, v, x, y| {
-            assert!(
-                (seen.depth.at(u, v) - 1.25).abs() < 1e-5,
-                "{}",
-                renderer.name()
-            );
+            assert!((seen.depth.at(u, v) - 1.25).abs() < 1e-5, "{}", renderer.name());
             assert_eq!(*seen.labels.at(u, v), 7);
             let cos = 1.0 / (1.0 + x * x + y * y).sqrt();
             assert!((f64::from(*seen.cos_incidence.at(u, v)) - cos).abs() < 1e-5);
@@ -132,12 +108,8 @@ fn a_tilted_plane_has_the_depth_of_its_equation() {
 #[test]
 fn a_sphere_has_the_depth_of_its_equation() {
     let (center, radius) = (Vector3::new(0.03, -0.02, 0.8), 0.2_f64);
-    let scene = one(
-        sphere(radius as f32, 200),
-        Material::default(),
-        at([center.x, center.y, center.z], 0.4),
-        3,
-    );
+    let scene =
+        one(sphere(radius as f32, 200), Material::default(), at([center.x, center.y, center.z], 0.4), 3);
     for mut renderer in renderers("sphere") {
         let seen = draw(renderer.as_mut(), &scene);
         let (mut inside, mut outside) = (0, 0);
@@ -177,21 +149,14 @@ fn a_texture_appears_upright_with_its_corners_in_place() {
     // A sheet that faces the camera: x right, y down as in the optical frame, (0, 0) of the texture at its top left.
     let corners = [[-0.5, -0.5], [0.5, -0.5], [-0.5, 0.5], [0.5, 0.5]];
     let sheet = Mesh {
-        positions: corners
-            .iter()
-            .map(|c| Point3::new(c[0], c[1], 0.0))
-            .collect(),
+        positions: corners.iter().map(|c| Point3::new(c[0], c[1], 0.0)).collect(),
         normals: vec![-Vector3::z(); 4],
         uvs: corners.iter().map(|c| [c[0] + 0.5, c[1] + 0.5]).collect(),
         colors: Vec::new(),
         triangles: vec![[0, 1, 2], [1, 3, 2]],
     };
-    let material = Material {
-        base_color: [1.0; 3],
-        roughness: 1.0,
-        metallic: 0.0,
-        texture: Some(Arc::new(quarters)),
-    };
+    let material =
+        Material { base_color: [1.0; 3], roughness: 1.0, metallic: 0.0, texture: Some(Arc::new(quarters)) };
     let scene = one(sheet, material, at([0.0, 0.0, 1.0], 0.0), 1);
     for mut renderer in renderers("texture") {
         let seen = draw(renderer.as_mut(), &scene);
@@ -201,12 +166,7 @@ fn a_texture_appears_upright_with_its_corners_in_place() {
             let brightest = c.iter().copied().fold(0.0, f32::max);
             c.map(|v| v > 0.5 * brightest)
         };
-        assert_eq!(
-            color(-0.25, -0.25),
-            [true, false, false],
-            "{}",
-            renderer.name()
-        );
+        assert_eq!(color(-0.25, -0.25), [true, false, false], "{}", renderer.name());
         assert_eq!(color(0.25, -0.25), [false, true, false]);
         assert_eq!(color(-0.25, 0.25), [false, false, true]);
         assert_eq!(color(0.25, 0.25), [true, true, true]);
@@ -227,26 +187,15 @@ fn luminance_follows_the_inverse_square_law_and_shadows_take_it_away() {
             shadows: true,
         }],
     };
-    let material = Material {
-        base_color: [1.0; 3],
-        roughness: 1.0,
-        ..Material::default()
-    };
-    let mut scene = one(
-        cuboid([9.0, 9.0, 0.02], 1.0),
-        material.clone(),
-        at([0.0, 0.0, 2.01], 0.0),
-        1,
-    );
+    let material = Material { base_color: [1.0; 3], roughness: 1.0, ..Material::default() };
+    let mut scene = one(cuboid([9.0, 9.0, 0.02], 1.0), material.clone(), at([0.0, 0.0, 2.01], 0.0), 1);
     scene.instances.push(Instance {
         visual: visual(cuboid([0.2, 0.2, 0.01], 1.0), material),
         pose: at([0.25, 0.0, 1.0], 0.0),
         label: 2,
     });
     for mut renderer in renderers("luminance") {
-        let seen = renderer
-            .render(&scene, &lamp(100.0), &SMALL, &Pose::identity())
-            .unwrap();
+        let seen = renderer.render(&scene, &lamp(100.0), &SMALL, &Pose::identity()).unwrap();
         let pixel_of = |x: f64, y: f64| {
             let p = SMALL.project(&Point3::new(x, y, 2.0)).unwrap();
             (p.x.round() as usize, p.y.round() as usize)
@@ -258,11 +207,7 @@ fn luminance_follows_the_inverse_square_law_and_shadows_take_it_away() {
             // Matt luminance E cos / (pi d^2); the surface's gloss takes 4 % of the light and returns some of it.
             let matt = 100.0 / d2 * (2.0 / d2.sqrt()) / std::f64::consts::PI;
             let ratio = f64::from(seen.radiance.at(u, v)[1]) / matt;
-            assert!(
-                (0.955..1.05).contains(&ratio),
-                "{} at {x} {y}: {ratio}",
-                renderer.name()
-            );
+            assert!((0.955..1.05).contains(&ratio), "{} at {x} {y}: {ratio}", renderer.name());
         }
         // Seen from the lamp the plate covers x -0.2 .. 0.2 of the wall; the camera sees that beside the plate.
         let (u, v) = pixel_of(-0.1, 0.0);
@@ -280,21 +225,12 @@ fn both_renderers_draw_the_same_scene() {
     for name in ["base", "light-left"] {
         let condition = Condition::load_named(&folder, name).unwrap();
         let draw = |renderer: &mut dyn Renderer| {
-            renderer
-                .render(
-                    &scene,
-                    &condition.lighting,
-                    &Intrinsics::FETCH,
-                    &shapes::head_camera(),
-                )
-                .unwrap()
+            renderer.render(&scene, &condition.lighting, &Intrinsics::FETCH, &shapes::head_camera()).unwrap()
         };
         let a = draw(wgpu.as_mut());
         let b = draw(&mut CpuRenderer::new());
         let pixels = a.labels.data().len();
-        let same: Vec<usize> = (0..pixels)
-            .filter(|&i| a.labels.data()[i] == b.labels.data()[i])
-            .collect();
+        let same: Vec<usize> = (0..pixels).filter(|&i| a.labels.data()[i] == b.labels.data()[i]).collect();
         let close = |i: &&usize| (a.depth.data()[**i] - b.depth.data()[**i]).abs() < 1e-3;
         let near = same.iter().filter(close).count();
         let cos = same
@@ -322,14 +258,7 @@ fn both_renderers_draw_the_same_scene() {
 #[test]
 fn pictures_repeat_to_the_bit_on_any_number_of_threads() {
     let scene = tabletop();
-    let small = Intrinsics {
-        width: 160,
-        height: 120,
-        fx: 138.0,
-        fy: 138.0,
-        cx: 79.5,
-        cy: 59.5,
-    };
+    let small = Intrinsics { width: 160, height: 120, fx: 138.0, fy: 138.0, cx: 79.5, cy: 59.5 };
     let bits = |r: &Rendering| {
         let mut bits: Vec<u32> = r.depth.data().iter().map(|z| z.to_bits()).collect();
         bits.extend(r.radiance.data().iter().flatten().map(|c| c.to_bits()));
@@ -337,17 +266,10 @@ fn pictures_repeat_to_the_bit_on_any_number_of_threads() {
         bits
     };
     let draw = |renderer: &mut dyn Renderer| {
-        bits(
-            &renderer
-                .render(&scene, &ambient(80.0), &small, &shapes::head_camera())
-                .unwrap(),
-        )
+        bits(&renderer.render(&scene, &ambient(80.0), &small, &shapes::head_camera()).unwrap())
     };
     let on = |threads| {
-        let pool = rayon::ThreadPoolBuilder::new()
-            .num_threads(threads)
-            .build()
-            .unwrap();
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
         pool.install(|| draw(&mut CpuRenderer::new()))
     };
     assert_eq!(on(1), on(3));
@@ -361,28 +283,14 @@ fn pictures_repeat_to_the_bit_on_any_number_of_threads() {
 fn empty_scenes_and_changing_sizes_are_fine() {
     for mut renderer in renderers("empty scene") {
         for (width, height) in [(160, 120), (33, 17), (640, 480)] {
-            let intrinsics = Intrinsics {
-                width,
-                height,
-                ..Intrinsics::FETCH
-            };
+            let intrinsics = Intrinsics { width, height, ..Intrinsics::FETCH };
             let seen = renderer
-                .render(
-                    &RenderScene::default(),
-                    &ambient(50.0),
-                    &intrinsics,
-                    &Pose::identity(),
-                )
+                .render(&RenderScene::default(), &ambient(50.0), &intrinsics, &Pose::identity())
                 .unwrap();
             assert_eq!(seen.depth, Image::filled(width, height, 0.0));
             assert_eq!(seen.labels, Image::filled(width, height, 0));
             // The background is a dim wall.
-            assert!(
-                seen.radiance
-                    .data()
-                    .iter()
-                    .all(|c| c[0] > 1.0 && c[0] < 20.0)
-            );
+            assert!(seen.radiance.data().iter().all(|c| c[0] > 1.0 && c[0] < 20.0));
         }
     }
 }
@@ -398,28 +306,14 @@ fn what_cannot_be_drawn_is_refused_with_a_reason() {
     nowhere.positions[3].x = f32::NAN;
     let place = at([0.0, 0.0, 1.0], 0.0);
     let of = |mesh| one(mesh, Material::default(), place, 1);
-    let far = one(
-        cube(),
-        Material::default(),
-        at([f64::NAN, 0.0, 1.0], 0.0),
-        5,
-    );
-    let dark = Lighting {
-        ambient_lux: -1.0,
-        lights: Vec::new(),
-    };
-    let huge = Intrinsics {
-        width: 100_000,
-        ..SMALL
-    };
+    let far = one(cube(), Material::default(), at([f64::NAN, 0.0, 1.0], 0.0), 5);
+    let dark = Lighting { ambient_lux: -1.0, lights: Vec::new() };
+    let huge = Intrinsics { width: 100_000, ..SMALL };
     let bright = ambient(10.0);
     for mut renderer in renderers("refusals") {
         let mut error = |scene: &RenderScene, lighting: &Lighting, intrinsics: &Intrinsics| {
             let camera: Pose<World, Camera> = Pose::identity();
-            renderer
-                .render(scene, lighting, intrinsics, &camera)
-                .unwrap_err()
-                .to_string()
+            renderer.render(scene, lighting, intrinsics, &camera).unwrap_err().to_string()
         };
         assert!(error(&of(broken.clone()), &bright, &SMALL).contains("999"));
         assert!(error(&of(short.clone()), &bright, &SMALL).contains("normals"));
@@ -428,26 +322,17 @@ fn what_cannot_be_drawn_is_refused_with_a_reason() {
         assert!(error(&of(cube()), &dark, &SMALL).contains("ambient_lux = -1"));
         assert!(error(&of(cube()), &bright, &huge).contains("100000"));
         // And it still works afterwards.
-        renderer
-            .render(&of(cube()), &bright, &SMALL, &Pose::identity())
-            .unwrap();
+        renderer.render(&of(cube()), &bright, &SMALL, &Pose::identity()).unwrap();
     }
 }
 
 #[test]
 fn auto_always_finds_a_renderer_and_frames_repeat() {
-    let condition = Condition::load_named(
-        &Path::new(env!("CARGO_MANIFEST_DIR")).join("../scenes/conditions"),
-        "dark",
-    )
-    .unwrap();
+    let condition =
+        Condition::load_named(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../scenes/conditions"), "dark")
+            .unwrap();
     let mut renderer = open(RendererChoice::Auto).unwrap();
-    let scene = one(
-        cuboid([0.3; 3], 1.0),
-        Material::default(),
-        at([0.0, 0.0, 1.0], 0.3),
-        4,
-    );
+    let scene = one(cuboid([0.3; 3], 1.0), Material::default(), at([0.0, 0.0, 1.0], 0.3), 4);
     let mut take = |seed| {
         capture(
             renderer.as_mut(),
@@ -468,10 +353,7 @@ fn auto_always_finds_a_renderer_and_frames_repeat() {
     // Depth does not mind the dark: it is off by millimetres.
     let (u, v) = (80, 60);
     let (read, true_depth) = (*first.depth.at(u, v), *truth.depth.at(u, v));
-    assert!(
-        read > 0.0 && (read - true_depth).abs() < 0.01,
-        "{read} {true_depth}"
-    );
+    assert!(read > 0.0 && (read - true_depth).abs() < 0.01, "{read} {true_depth}");
 }
 
 #[test]

@@ -17,18 +17,12 @@ pub(super) struct Aabb {
 }
 
 impl Aabb {
-    pub const EMPTY: Self = Self {
-        min: [f32::INFINITY; 3],
-        max: [f32::NEG_INFINITY; 3],
-    };
+    pub const EMPTY: Self = Self { min: [f32::INFINITY; 3], max: [f32::NEG_INFINITY; 3] };
 
     pub fn of(points: impl IntoIterator<Item = Point3<f32>>) -> Self {
-        points.into_iter().fold(Self::EMPTY, |b, p| {
-            b.union(&Self {
-                min: p.coords.into(),
-                max: p.coords.into(),
-            })
-        })
+        points
+            .into_iter()
+            .fold(Self::EMPTY, |b, p| b.union(&Self { min: p.coords.into(), max: p.coords.into() }))
     }
 
     pub fn union(&self, other: &Self) -> Self {
@@ -40,10 +34,7 @@ impl Aabb {
 
     /// Grown by `margin` on all sides.
     pub fn loosened(&self, margin: f32) -> Self {
-        Self {
-            min: self.min.map(|v| v - margin),
-            max: self.max.map(|v| v + margin),
-        }
+        Self { min: self.min.map(|v| v - margin), max: self.max.map(|v| v + margin) }
     }
 
     fn center(&self, axis: usize) -> f32 {
@@ -113,11 +104,7 @@ pub(super) struct Bvh {
 impl Bvh {
     pub fn new(boxes: &[Aabb]) -> Self {
         let mut order: Vec<u32> = (0..boxes.len() as u32).collect();
-        let mut nodes = vec![Node {
-            bounds: bounds_of(boxes, &order),
-            first: 0,
-            count: boxes.len() as u32,
-        }];
+        let mut nodes = vec![Node { bounds: bounds_of(boxes, &order), first: 0, count: boxes.len() as u32 }];
         let mut open = vec![(0_usize, 0_usize)];
         while let Some((index, depth)) = open.pop() {
             let Node { first, count, .. } = nodes[index];
@@ -149,12 +136,7 @@ impl Bvh {
     /// Calls `visit(rank, limit)` for items whose boxes the ray enters before `limit`, nearest boxes first; it returns
     /// the new limit, or `None` to stop.
     #[inline]
-    pub fn traverse(
-        &self,
-        ray: &Ray,
-        limit: f32,
-        mut visit: impl FnMut(usize, f32) -> Option<f32>,
-    ) {
+    pub fn traverse(&self, ray: &Ray, limit: f32, mut visit: impl FnMut(usize, f32) -> Option<f32>) {
         let mut limit = limit;
         let mut stack = [(0_u32, 0.0_f32); MAX_DEPTH + 2];
         let mut top = 0;
@@ -176,11 +158,7 @@ impl Bvh {
                 let enter = |i: usize| self.nodes[i].bounds.enter(ray, limit);
                 match (enter(left), enter(left + 1)) {
                     (Some(a), Some(b)) => {
-                        let (near, far, t) = if a <= b {
-                            (left, left + 1, b)
-                        } else {
-                            (left + 1, left, a)
-                        };
+                        let (near, far, t) = if a <= b { (left, left + 1, b) } else { (left + 1, left, a) };
                         stack[top] = (far as u32, t);
                         top += 1;
                         current = near;
@@ -213,9 +191,7 @@ impl Bvh {
 }
 
 fn bounds_of(boxes: &[Aabb], items: &[u32]) -> Aabb {
-    items
-        .iter()
-        .fold(Aabb::EMPTY, |b, &i| b.union(&boxes[i as usize]))
+    items.iter().fold(Aabb::EMPTY, |b, &i| b.union(&boxes[i as usize]))
 }
 
 /// Reorders `items` into two groups and returns the size of the first; `None` when a leaf is cheaper or all centres
@@ -224,14 +200,8 @@ fn partition(boxes: &[Aabb], items: &mut [u32]) -> Option<usize> {
     let mut best: Option<(f32, usize, f32)> = None;
     for axis in 0..3 {
         let center = |i: u32| boxes[i as usize].center(axis);
-        let low = items
-            .iter()
-            .map(|&i| center(i))
-            .fold(f32::INFINITY, f32::min);
-        let high = items
-            .iter()
-            .map(|&i| center(i))
-            .fold(f32::NEG_INFINITY, f32::max);
+        let low = items.iter().map(|&i| center(i)).fold(f32::INFINITY, f32::min);
+        let high = items.iter().map(|&i| center(i)).fold(f32::NEG_INFINITY, f32::max);
         let scale = BINS as f32 / (high - low);
         if !(high > low && scale.is_finite()) {
             continue;
@@ -252,8 +222,7 @@ fn partition(boxes: &[Aabb], items: &mut [u32]) -> Option<usize> {
             if left.1 == 0 || right[b].1 == 0 {
                 continue;
             }
-            let cost =
-                left.0.half_area() * left.1 as f32 + right[b].0.half_area() * right[b].1 as f32;
+            let cost = left.0.half_area() * left.1 as f32 + right[b].0.half_area() * right[b].1 as f32;
             if best.is_none_or(|(lowest, ..)| cost < lowest) {
                 best = Some((cost, axis, low + b as f32 / scale));
             }
@@ -268,11 +237,7 @@ fn partition(boxes: &[Aabb], items: &mut [u32]) -> Option<usize> {
         }
     }
     // Rounding can put all on one side of the threshold; halves are as good then.
-    Some(if left == 0 || left == items.len() {
-        items.len() / 2
-    } else {
-        left
-    })
+    Some(if left == 0 || left == items.len() { items.len() / 2 } else { left })
 }
 
 #[cfg(test)]

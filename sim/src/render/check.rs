@@ -48,31 +48,19 @@ pub(super) fn check_mesh(renderer: &'static str, mesh: &Mesh) -> Result<()> {
     let message = if mesh.normals.len() != vertices {
         format!("{} normals for {vertices} vertices", mesh.normals.len())
     } else if !fits(mesh.uvs.len()) {
-        format!(
-            "{} texture coordinates for {vertices} vertices",
-            mesh.uvs.len()
-        )
+        format!("{} texture coordinates for {vertices} vertices", mesh.uvs.len())
     } else if !fits(mesh.colors.len()) {
         format!("{} colours for {vertices} vertices", mesh.colors.len())
-    } else if let Some(i) = mesh
-        .positions
-        .iter()
-        .position(|p| !p.coords.iter().all(|c| c.is_finite() && c.abs() < 1e6))
+    } else if let Some(i) =
+        mesh.positions.iter().position(|p| !p.coords.iter().all(|c| c.is_finite() && c.abs() < 1e6))
     {
         format!("vertex {i} is {}, which is no place", mesh.positions[i])
-    } else if let Some(triangle) = mesh
-        .triangles
-        .iter()
-        .find(|t| t.iter().any(|&i| i as usize >= vertices))
-    {
+    } else if let Some(triangle) = mesh.triangles.iter().find(|t| t.iter().any(|&i| i as usize >= vertices)) {
         format!("triangle {triangle:?} names a vertex beyond the {vertices} there are")
     } else {
         return Ok(());
     };
-    Err(Error::Renderer {
-        renderer,
-        message: format!("a mesh cannot be drawn: {message}; export it again"),
-    })
+    Err(Error::Renderer { renderer, message: format!("a mesh cannot be drawn: {message}; export it again") })
 }
 
 impl Lighting {
@@ -80,20 +68,13 @@ impl Lighting {
     pub fn problem(&self) -> Option<String> {
         let bad = |v: f64| !(v.is_finite() && v >= 0.0);
         if bad(self.ambient_lux) {
-            return Some(format!(
-                "ambient_lux = {}: must be finite and not negative",
-                self.ambient_lux
-            ));
+            return Some(format!("ambient_lux = {}: must be finite and not negative", self.ambient_lux));
         }
         if self.lights.len() > MAX_LIGHTS {
-            return Some(format!(
-                "{} lights: at most {MAX_LIGHTS} can be drawn",
-                self.lights.len()
-            ));
+            return Some(format!("{} lights: at most {MAX_LIGHTS} can be drawn", self.lights.len()));
         }
         for (i, light) in self.lights.iter().enumerate() {
-            let place =
-                |v: &nalgebra::Vector3<f64>| v.iter().all(|c| c.is_finite() && c.abs() < 1e4);
+            let place = |v: &nalgebra::Vector3<f64>| v.iter().all(|c| c.is_finite() && c.abs() < 1e4);
             if !place(&light.position) || !place(&light.target) {
                 return Some(format!(
                     "lights[{i}]: position {:?} and target {:?} must be finite and within 10 km",
@@ -108,16 +89,10 @@ impl Lighting {
                 ));
             }
             if bad(light.intensity_cd) || light.intensity_cd > 1e7 {
-                return Some(format!(
-                    "lights[{i}].intensity_cd = {}: must be 0 to 1e7",
-                    light.intensity_cd
-                ));
+                return Some(format!("lights[{i}].intensity_cd = {}: must be 0 to 1e7", light.intensity_cd));
             }
             if light.color.iter().any(|&c| bad(c) || c > 1.0) {
-                return Some(format!(
-                    "lights[{i}].color = {:?}: each channel must be 0 to 1",
-                    light.color
-                ));
+                return Some(format!("lights[{i}].color = {:?}: each channel must be 0 to 1", light.color));
             }
             let pi = std::f64::consts::PI;
             if !(light.half_angle > 0.0 && light.half_angle <= pi + 1e-9) {

@@ -9,7 +9,7 @@ use std::collections::hash_map::Entry;
 use std::sync::Arc;
 
 use image::RgbImage;
-use nalgebra::{Isometry3, Point3, Vector3};
+use nalgebra::{Isometry3, Matrix3, Point3, Vector3};
 use rayon::prelude::*;
 
 use super::bvh::{Aabb, Bvh, Ray};
@@ -25,12 +25,7 @@ use crate::mesh::Mesh;
 use crate::pose::{Camera, Pose, World};
 
 /// Where in the pixel the four rays of an edge pixel go (the rotated grid that graphics hardware uses).
-const SUBPIXELS: [[f64; 2]; 4] = [
-    [-0.125, -0.375],
-    [0.375, -0.125],
-    [-0.375, 0.125],
-    [0.125, 0.375],
-];
+const SUBPIXELS: [[f64; 2]; 4] = [[-0.125, -0.375], [0.375, -0.125], [-0.375, 0.125], [0.125, 0.375]];
 
 /// Shadow rays start this far off their surface, metres.
 const SHADOW_OFFSET: f32 = 2e-4;
@@ -51,11 +46,7 @@ impl Default for CpuRenderer {
 impl CpuRenderer {
     /// A ray caster with nothing prepared yet.
     pub fn new() -> Self {
-        Self {
-            meshes: HashMap::new(),
-            textures: HashMap::new(),
-            smooth_edges: true,
-        }
+        Self { meshes: HashMap::new(), textures: HashMap::new(), smooth_edges: true }
     }
 
     /// Whether edges in the colour image are smoothed by four rays a pixel (on by default).
@@ -68,8 +59,7 @@ impl CpuRenderer {
     fn prepare(&mut self, scene: &RenderScene, camera_from_world: &Isometry3<f64>) -> Result<View> {
         // What nobody else holds any more cannot come back.
         self.meshes.retain(|_, (key, _)| Arc::strong_count(key) > 1);
-        self.textures
-            .retain(|_, (key, _)| Arc::strong_count(key) > 1);
+        self.textures.retain(|_, (key, _)| Arc::strong_count(key) > 1);
         let mut instances = Vec::with_capacity(scene.instances.len());
         for instance in &scene.instances {
             let mesh = &instance.visual.mesh;
@@ -94,8 +84,12 @@ impl CpuRenderer {
                 entry.1.clone()
             });
             let camera_from_mesh = camera_from_world * instance.pose;
+            let mesh_from_camera = camera_from_mesh.inverse();
             instances.push(PlacedMesh {
-                mesh_from_camera: camera_from_mesh.inverse(),
+                mesh_from_camera: (
+                    mesh_from_camera.rotation.to_rotation_matrix().matrix().cast(),
+                    mesh_from_camera.translation.vector.cast(),
+                ),
                 camera_from_mesh,
                 mesh,
                 texture,
@@ -106,10 +100,7 @@ impl CpuRenderer {
             });
         }
         let boxes: Vec<Aabb> = instances.iter().map(PlacedMesh::bounds).collect();
-        Ok(View {
-            bvh: Bvh::new(&boxes),
-            instances,
-        })
+        Ok(View { bvh: Bvh::new(&boxes), instances })
     }
 }
 
@@ -198,18 +189,15 @@ fn is_edge(hits: &[Option<Hit>], width: usize, height: usize, u: usize, v: usize
         (v > 0).then(|| (v - 1) * width + u),
         (v + 1 < height).then(|| (v + 1) * width + u),
     ];
-    neighbours
-        .into_iter()
-        .flatten()
-        .any(|i| match (here, &hits[i]) {
-            (None, None) => false,
-            (Some(a), Some(b)) => {
-                a.instance != b.instance
-                    || (a.depth - b.depth).abs() > 0.02 * a.depth
-                    || a.face.dot(&b.face) < 0.9
-            }
-            _ => true,
-        })
+    neighbours.into_iter().flatten().any(|i| match (here, &hits[i]) {
+        (None, None) => false,
+        (Some(a), Some(b)) => {
+            a.instance != b.instance
+                || (a.depth - b.depth).abs() > 0.02 * a.depth
+                || a.face.dot(&b.face) < 0.9
+        }
+        _ => true,
+    })
 }
 
 /// A mesh ready for rays.
@@ -224,11 +212,7 @@ struct TracedMesh {
 impl TracedMesh {
     fn new(mesh: Arc<Mesh>) -> Self {
         let corners = |t: &[u32; 3]| t.map(|i| mesh.positions[i as usize]);
-        let boxes: Vec<Aabb> = mesh
-            .triangles
-            .iter()
-            .map(|t| Aabb::of(corners(t)))
-            .collect();
+        let boxes: Vec<Aabb> = mesh.triangles.iter().map(|t| Aabb::of(corners(t))).collect();
         let bvh = Bvh::new(&boxes);
         let triangles = bvh
             .order
@@ -238,19 +222,15 @@ impl TracedMesh {
                 [a.coords.into(), (b - a).into(), (c - a).into()]
             })
             .collect();
-        Self {
-            bounds: boxes.iter().fold(Aabb::EMPTY, |all, b| all.union(b)),
-            triangles,
-            bvh,
-            mesh,
-        }
+        Self { bounds: boxes.iter().fold(Aabb::EMPTY, |all, b| all.union(b)), triangles, bvh, mesh }
     }
 }
 
 /// A mesh at its place before the camera.
 struct PlacedMesh {
     camera_from_mesh: Isometry3<f64>,
-    mesh_from_camera: Isometry3<f64>,
+    /// Rotation and shift, for finding hits; [`View::refine`] makes them precise.
+    mesh_from_camera: (Matrix3<f32>, Vector3<f32>),
     mesh: Arc<TracedMesh>,
     texture: Option<Arc<Pyramid>>,
     base_color: [f32; 3],
@@ -265,11 +245,7 @@ impl PlacedMesh {
         let Aabb { min, max } = self.mesh.bounds;
         Aabb::of((0..8).map(|i| {
             let pick = |bit: usize| {
-                if i >> bit & 1 == 0 {
-                    min[bit]
-                } else {
-                    max[bit]
-                }
+                if i >> bit & 1 == 0 { min[bit] } else { max[bit] }
             };
             let corner = Point3::new(pick(0), pick(1), pick(2)).cast::<f64>();
             (self.camera_from_mesh * corner).cast::<f32>()
@@ -277,12 +253,11 @@ impl PlacedMesh {
         .loosened(1e-5)
     }
 
+    #[inline]
     fn ray(&self, origin: &Point3<f32>, direction: &Vector3<f32>, start: f32) -> Ray {
-        Ray::new(
-            (self.mesh_from_camera * origin.cast::<f64>()).cast(),
-            (self.mesh_from_camera * direction.cast::<f64>()).cast(),
-            start,
-        )
+        let (rotation, shift) = &self.mesh_from_camera;
+        let origin = rotation * origin.coords + shift;
+        Ray::new(origin.into(), rotation * direction, start)
     }
 
     /// Corners of a triangle in the camera's frame.
@@ -336,59 +311,32 @@ impl View {
     }
 
     /// Depth, weights and normals, in double precision, of a hit found at `t` in single precision.
-    fn refine(
-        &self,
-        instance: u32,
-        triangle: u32,
-        t: f64,
-        direction: &Vector3<f64>,
-    ) -> Option<Hit> {
+    fn refine(&self, instance: u32, triangle: u32, t: f64, direction: &Vector3<f64>) -> Option<Hit> {
         let placed = &self.instances[instance as usize];
         let indices = placed.mesh.mesh.triangles[triangle as usize];
         let plane = Plane::new(placed.corners(indices))?;
         // A triangle seen edge on has no better answer than the one found.
-        let depth = plane
-            .depth(direction)
-            .filter(|d| (d - t).abs() < 1e-3 * t)
-            .unwrap_or(t);
+        let depth = plane.depth(direction).filter(|d| (d - t).abs() < 1e-3 * t).unwrap_or(t);
         let weights = plane.weights(&(direction * depth));
         let face = plane.normal * -(plane.normal.dot(direction)).signum();
         let normal = self.normal(instance, triangle, weights, &face.cast());
         let cos = -(normal.dot(&direction.normalize().cast()));
-        Some(Hit {
-            depth,
-            instance,
-            triangle,
-            weights,
-            face: face.cast(),
-            cos_incidence: cos.abs().min(1.0),
-        })
+        Some(Hit { depth, instance, triangle, weights, face: face.cast(), cos_incidence: cos.abs().min(1.0) })
     }
 
     /// The smooth unit normal, on the side that the triangle shows.
-    fn normal(
-        &self,
-        instance: u32,
-        triangle: u32,
-        weights: [f64; 2],
-        face: &Vector3<f32>,
-    ) -> Vector3<f32> {
+    fn normal(&self, instance: u32, triangle: u32, weights: [f64; 2], face: &Vector3<f32>) -> Vector3<f32> {
         let placed = &self.instances[instance as usize];
         let mesh = &placed.mesh.mesh;
         let [a, b, c] = mesh.triangles[triangle as usize].map(|i| i as usize);
         let [wb, wc] = weights.map(|w| w as f32);
-        let smooth =
-            mesh.normals[a] * (1.0 - wb - wc) + mesh.normals[b] * wb + mesh.normals[c] * wc;
+        let smooth = mesh.normals[a] * (1.0 - wb - wc) + mesh.normals[b] * wb + mesh.normals[c] * wc;
         let Some(smooth) = smooth.try_normalize(1e-6).filter(|n| n.x.is_finite()) else {
             return *face;
         };
         let smooth = (placed.camera_from_mesh.rotation * smooth.cast::<f64>()).cast::<f32>();
         // Whichever way the triangle's corners go round, the side that is seen counts.
-        if smooth.dot(face) < 0.0 {
-            -smooth
-        } else {
-            smooth
-        }
+        if smooth.dot(face) < 0.0 { -smooth } else { smooth }
     }
 
     /// Luminance of what was hit through image point (u, v), or of the background.
@@ -507,11 +455,7 @@ fn intersect([corner, e1, e2]: &[[f32; 3]; 3], ray: &Ray, limit: f32) -> Option<
 
 #[inline]
 fn cross(a: &[f32; 3], b: &[f32; 3]) -> [f32; 3] {
-    [
-        a[1] * b[2] - a[2] * b[1],
-        a[2] * b[0] - a[0] * b[2],
-        a[0] * b[1] - a[1] * b[0],
-    ]
+    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 }
 
 #[inline]

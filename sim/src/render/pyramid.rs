@@ -53,17 +53,11 @@ impl Pyramid {
         let size = [self.levels[0].width as f32, self.levels[0].height as f32];
         let length = |d: [f32; 2]| (d[0] * size[0]).hypot(d[1] * size[1]);
         let (len_x, len_y) = (length(dx), length(dy));
-        let (longest, shortest, along) = if len_x > len_y {
-            (len_x, len_y, dx)
-        } else {
-            (len_y, len_x, dy)
-        };
+        let (longest, shortest, along) = if len_x > len_y { (len_x, len_y, dx) } else { (len_y, len_x, dy) };
         if !(longest.is_finite() && longest > 0.0) {
             return self.levels[0].bilinear(uv);
         }
-        let count = (longest / shortest.max(1e-6))
-            .ceil()
-            .clamp(1.0, f32::from(MAX_ANISOTROPY));
+        let count = (longest / shortest.max(1e-6)).ceil().clamp(1.0, f32::from(MAX_ANISOTROPY));
         let lod = (longest / count).log2();
         let mut sum = [0.0; 3];
         for i in 0..count as u32 {
@@ -109,11 +103,7 @@ impl Level {
                 texels.push(sum.map(|s: f32| encode_8bit(s * 0.25)));
             }
         }
-        Self {
-            width,
-            height,
-            texels,
-        }
+        Self { width, height, texels }
     }
 
     /// Linear colour between the four nearest texels; the texture repeats.
@@ -136,11 +126,7 @@ fn split(t: f32, size: u32) -> (usize, usize, f32) {
     let lower = position.floor();
     let size = size as i64;
     let index = (lower as i64).rem_euclid(size);
-    (
-        index as usize,
-        ((index + 1) % size) as usize,
-        position - lower,
-    )
+    (index as usize, ((index + 1) % size) as usize, position - lower)
 }
 
 #[cfg(test)]
@@ -167,19 +153,13 @@ mod tests {
         for c in 0..3 {
             assert!((color[c] - expected[c]).abs() < 1e-6);
         }
-        assert_eq!(
-            pyramid.sample([2.5 / 4.0 - 3.0, 1.5 / 2.0 + 5.0], zero, zero),
-            color
-        );
+        assert_eq!(pyramid.sample([2.5 / 4.0 - 3.0, 1.5 / 2.0 + 5.0], zero, zero), color);
     }
 
     #[test]
     fn large_scans_are_halved_and_odd_sizes_work() {
         let pyramid = Pyramid::new(&RgbImage::new(4096, 33)).unwrap();
-        assert_eq!(
-            (pyramid.levels[0].width, pyramid.levels[0].height),
-            (2048, 16)
-        );
+        assert_eq!((pyramid.levels[0].width, pyramid.levels[0].height), (2048, 16));
         assert!(Pyramid::new(&RgbImage::new(0, 5)).is_none());
     }
 }

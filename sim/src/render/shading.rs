@@ -61,21 +61,13 @@ impl ViewLighting {
             .lights
             .iter()
             .map(|light| {
-                let axis = (light.target - light.position)
-                    .try_normalize(1e-9)
-                    .unwrap_or(-Vector3::z());
+                let axis = (light.target - light.position).try_normalize(1e-9).unwrap_or(-Vector3::z());
                 let everywhere = light.half_angle >= std::f64::consts::PI;
                 ViewLight {
-                    position: camera_from_world
-                        .transform_point(&light.position.into())
-                        .cast(),
+                    position: camera_from_world.transform_point(&light.position.into()).cast(),
                     axis: camera_from_world.transform_vector(&axis).cast(),
                     intensity: Vector3::from(light.color).cast() * light.intensity_cd as f32,
-                    cos_outer: if everywhere {
-                        -2.0
-                    } else {
-                        light.half_angle.cos() as f32
-                    },
+                    cos_outer: if everywhere { -2.0 } else { light.half_angle.cos() as f32 },
                     cos_inner: if everywhere {
                         -1.5
                     } else {
@@ -109,9 +101,8 @@ impl ViewLight {
         // A source is never closer than 1 cm, so that nothing is infinitely bright.
         let squared = to_light.norm_squared().max(1e-4);
         let direction = to_light / squared.sqrt();
-        let s = ((-direction.dot(&self.axis) - self.cos_outer)
-            / (self.cos_inner - self.cos_outer).max(1e-4))
-        .clamp(0.0, 1.0);
+        let s = ((-direction.dot(&self.axis) - self.cos_outer) / (self.cos_inner - self.cos_outer).max(1e-4))
+            .clamp(0.0, 1.0);
         let beam = s * s * (3.0 - 2.0 * s);
         (beam > 0.0).then(|| (direction, self.intensity * (beam / squared)))
     }
@@ -131,11 +122,7 @@ pub(super) struct Surface {
 
 impl Surface {
     /// Luminance towards the camera, cd/m^2 a channel. `lit(i, to_light)` is the share of light `i` that arrives.
-    pub fn radiance(
-        &self,
-        lighting: &ViewLighting,
-        lit: impl Fn(usize, &Vector3<f32>) -> f32,
-    ) -> [f32; 3] {
+    pub fn radiance(&self, lighting: &ViewLighting, lit: impl Fn(usize, &Vector3<f32>) -> f32) -> [f32; 3] {
         let view = -self.point.coords.normalize();
         let n_v = self.normal.dot(&view).max(1e-3);
         let specular = Vector3::repeat(0.04).lerp(&self.albedo, self.metallic);
@@ -154,11 +141,7 @@ impl Surface {
             if n_l <= 0.0 {
                 continue;
             }
-            let share = if light.shadows {
-                lit(i, &to_light)
-            } else {
-                1.0
-            };
+            let share = if light.shadows { lit(i, &to_light) } else { 1.0 };
             if share <= 0.0 {
                 continue;
             }
@@ -193,12 +176,8 @@ fn ggx(roughness: f32, n_h: f32, n_l: f32, n_v: f32) -> f32 {
 
 /// Reflectance of a glossy surface under even light (Karis 2014, the analytic fit).
 fn ambient_gloss(specular: Vector3<f32>, roughness: f32, n_v: f32) -> Vector3<f32> {
-    let r = [
-        1.0 - roughness,
-        0.0425 - 0.0275 * roughness,
-        1.04 - 0.572 * roughness,
-        0.022 * roughness - 0.04,
-    ];
+    let r =
+        [1.0 - roughness, 0.0425 - 0.0275 * roughness, 1.04 - 0.572 * roughness, 0.022 * roughness - 0.04];
     let a = (r[0] * r[0]).min((-9.28 * n_v).exp2()) * r[0] + r[1];
     specular * (r[2] - 1.04 * a) + Vector3::repeat(r[3] + 1.04 * a)
 }
@@ -217,13 +196,7 @@ mod tests {
             half_angle,
             shadows: false,
         };
-        ViewLighting::new(
-            &Lighting {
-                ambient_lux: 0.0,
-                lights: vec![light],
-            },
-            &Pose::identity(),
-        )
+        ViewLighting::new(&Lighting { ambient_lux: 0.0, lights: vec![light] }, &Pose::identity())
     }
 
     #[test]
@@ -274,9 +247,7 @@ mod tests {
     fn a_cone_is_bright_inside_and_dark_outside() {
         let light = lighting(0.5).lights[0];
         let at = |angle: f32| {
-            light
-                .reach(&Point3::new(angle.sin(), 0.0, angle.cos()))
-                .map_or(0.0, |(_, lux)| lux.x)
+            light.reach(&Point3::new(angle.sin(), 0.0, angle.cos())).map_or(0.0, |(_, lux)| lux.x)
         };
         assert!((at(0.1) - 200.0).abs() < 1e-2);
         assert!(at(0.35) > at(0.45) && at(0.45) > 0.0);

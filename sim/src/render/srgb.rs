@@ -4,20 +4,12 @@ use std::sync::LazyLock;
 
 /// Linear light, 0 to 1, of an encoded value 0 to 1.
 pub(crate) fn to_linear(encoded: f32) -> f32 {
-    if encoded <= 0.04045 {
-        encoded / 12.92
-    } else {
-        ((encoded + 0.055) / 1.055).powf(2.4)
-    }
+    if encoded <= 0.04045 { encoded / 12.92 } else { ((encoded + 0.055) / 1.055).powf(2.4) }
 }
 
 /// Encoded value, 0 to 1, of linear light 0 to 1.
 fn from_linear(linear: f32) -> f32 {
-    if linear <= 0.003_130_8 {
-        linear * 12.92
-    } else {
-        1.055 * linear.powf(1.0 / 2.4) - 0.055
-    }
+    if linear <= 0.003_130_8 { linear * 12.92 } else { 1.055 * linear.powf(1.0 / 2.4) - 0.055 }
 }
 
 /// Linear light of each 8-bit code.
@@ -26,9 +18,7 @@ pub(crate) static LINEAR_OF_8BIT: LazyLock<[f32; 256]> =
 
 /// 8-bit code of linear light in 65535 steps.
 static CODE_OF_16BIT: LazyLock<Vec<u8>> = LazyLock::new(|| {
-    (0..=u16::MAX)
-        .map(|x| (from_linear(f32::from(x) / 65535.0) * 255.0 + 0.5) as u8)
-        .collect()
+    (0..=u16::MAX).map(|x| (from_linear(f32::from(x) / 65535.0) * 255.0 + 0.5) as u8).collect()
 });
 
 /// The 8-bit code of linear light; values outside 0 to 1 (and NaN, as 0) are clipped.

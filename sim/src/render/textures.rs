@@ -2,7 +2,8 @@
 //!
 //! All are sRGB and [`SIZE`] pixels square; each says how many metres one repeat is meant to cover.
 
-use image::{Rgb, RgbImage};
+use image::RgbImage;
+use rayon::prelude::*;
 
 /// Width and height of every picture here, pixels.
 pub const SIZE: u32 = 1024;
@@ -39,12 +40,7 @@ pub fn cardboard() -> RgbImage {
         let flute = (x * 64.0 * std::f32::consts::TAU).sin();
         let fibre = fractal(x * 40.0, y * 160.0, [40, 160], 11, 3);
         let cloud = fractal(x * 5.0, y * 5.0, [5, 5], 12, 3);
-        let speck = if random(
-            13,
-            (x * SIZE as f32) as u32 / 2,
-            (y * SIZE as f32) as u32 / 2,
-        ) > 0.996
-        {
+        let speck = if random(13, (x * SIZE as f32) as u32 / 2, (y * SIZE as f32) as u32 / 2) > 0.996 {
             0.86
         } else {
             1.0
@@ -89,39 +85,35 @@ pub fn cloth(seed: u32) -> RgbImage {
 }
 
 /// Fills a picture from a function of position, 0 to 1 along each side, to sRGB, 0 to 1.
-fn paint(color: impl Fn(f32, f32) -> [f32; 3]) -> RgbImage {
-    RgbImage::from_fn(SIZE, SIZE, |x, y| {
-        let at = |i: u32| (i as f32 + 0.5) / SIZE as f32;
-        Rgb(color(at(x), at(y)).map(|c| (c.clamp(0.0, 1.0) * 255.0 + 0.5) as u8))
-    })
+fn paint(color: impl Fn(f32, f32) -> [f32; 3] + Sync) -> RgbImage {
+    let at = |i: usize| (i as f32 + 0.5) / SIZE as f32;
+    let mut pixels = vec![0_u8; 3 * (SIZE * SIZE) as usize];
+    pixels.par_chunks_mut(3 * SIZE as usize).enumerate().for_each(|(y, row)| {
+        for (x, pixel) in row.as_chunks_mut::<3>().0.iter_mut().enumerate() {
+            *pixel = color(at(x), at(y)).map(|c| (c.clamp(0.0, 1.0) * 255.0 + 0.5) as u8);
+        }
+    });
+    RgbImage::from_raw(SIZE, SIZE, pixels).unwrap_or_default()
 }
 
 /// A fixed random number, 0 to 1, for each cell (a 32-bit integer hash, after Wellons' lowbias32).
 fn random(seed: u32, x: u32, y: u32) -> f32 {
-    let mut h = seed
-        .wrapping_mul(0x9e37_79b9)
-        .wrapping_add(x)
-        .wrapping_mul(0x85eb_ca6b)
-        .wrapping_add(y);
+    let mut h = seed.wrapping_mul(0x9e37_79b9).wrapping_add(x).wrapping_mul(0x85eb_ca6b).wrapping_add(y);
     for multiplier in [0x7feb_352d_u32, 0x846c_a68b] {
         h = (h ^ (h >> 16)).wrapping_mul(multiplier);
     }
     ((h ^ (h >> 16)) >> 8) as f32 / (1 << 24) as f32
 }
 
-/// Value noise, 0 to 1, that repeats after `period` cells.
+/// Value noise, 0 to 1, that repeats after `period` cells; for positions that are not negative.
 fn noise(x: f32, y: f32, period: [u32; 2], seed: u32) -> f32 {
-    let (x0, y0) = (x.floor(), y.floor());
-    let (fx, fy) = (smooth(x - x0), smooth(y - y0));
-    let value = |dx: u32, dy: u32| {
-        random(
-            seed,
-            (x0 as u32 + dx) % period[0],
-            (y0 as u32 + dy) % period[1],
-        )
-    };
-    let top = value(0, 0) * (1.0 - fx) + value(1, 0) * fx;
-    let bottom = value(0, 1) * (1.0 - fx) + value(1, 1) * fx;
+    let (x0, y0) = (x as u32, y as u32);
+    let (fx, fy) = (smooth(x - x0 as f32), smooth(y - y0 as f32));
+    let (x0, y0) = (x0 % period[0], y0 % period[1]);
+    let next = |i: u32, period: u32| if i + 1 < period { i + 1 } else { 0 };
+    let (x1, y1) = (next(x0, period[0]), next(y0, period[1]));
+    let top = random(seed, x0, y0) * (1.0 - fx) + random(seed, x1, y0) * fx;
+    let bottom = random(seed, x0, y1) * (1.0 - fx) + random(seed, x1, y1) * fx;
     top * (1.0 - fy) + bottom * fy
 }
 
@@ -131,12 +123,7 @@ fn fractal(x: f32, y: f32, period: [u32; 2], seed: u32, octaves: u32) -> f32 {
     for octave in 0..octaves {
         let scale = (1 << octave) as f32;
         let period = period.map(|p| p << octave);
-        sum += noise(
-            x * scale,
-            y * scale,
-            period,
-            seed.wrapping_add(octave * 101),
-        ) / scale;
+        sum += noise(x * scale, y * scale, period, seed.wrapping_add(octave * 101)) / scale;
         weight += 1.0 / scale;
     }
     sum / weight

@@ -15,11 +15,10 @@ use std::num::NonZeroU64;
 use bytemuck::{Pod, Zeroable};
 use nalgebra::Isometry3;
 use wgpu::{
-    BindGroup, BindGroupDescriptor, BindGroupEntry, BindingResource, Buffer, BufferBinding,
-    BufferDescriptor, BufferUsages, Color, CommandEncoder, CompareFunction, FilterMode,
-    IndexFormat, LoadOp, Operations, RenderPass, RenderPassColorAttachment,
-    RenderPassDepthStencilAttachment, RenderPassDescriptor, Sampler, SamplerDescriptor, StoreOp,
-    TextureView,
+    BindGroup, BindGroupDescriptor, BindGroupEntry, BindingResource, Buffer, BufferBinding, BufferDescriptor,
+    BufferUsages, Color, CommandEncoder, CompareFunction, FilterMode, IndexFormat, LoadOp, Operations,
+    RenderPass, RenderPassColorAttachment, RenderPassDepthStencilAttachment, RenderPassDescriptor, Sampler,
+    SamplerDescriptor, StoreOp, TextureView,
 };
 
 use self::cache::Cache;
@@ -47,10 +46,7 @@ const UNIFORM_ALIGNMENT: usize = 256;
 
 /// An [`Error::Renderer`] of this renderer.
 fn failed(message: impl Into<String>) -> Error {
-    Error::Renderer {
-        renderer: "wgpu",
-        message: message.into(),
-    }
+    Error::Renderer { renderer: "wgpu", message: message.into() }
 }
 
 /// Draws on a graphics adapter; keeps meshes and textures there between frames.
@@ -133,11 +129,7 @@ impl WgpuRenderer {
     }
 
     fn on(gpu: Gpu, samples: u32) -> Result<Self> {
-        let shadow_map_size = if gpu.software {
-            SMALL_SHADOW_MAP_SIZE
-        } else {
-            SHADOW_MAP_SIZE
-        };
+        let shadow_map_size = if gpu.software { SMALL_SHADOW_MAP_SIZE } else { SHADOW_MAP_SIZE };
         let pipelines = Pipelines::new(&gpu.device, samples);
         let cache = Cache::new(&gpu, &pipelines.texture_group);
         let buffer = |label, size, usage| {
@@ -150,16 +142,8 @@ impl WgpuRenderer {
         };
         let renderer = Self {
             frame: buffer("frame", size_of::<Frame>(), BufferUsages::UNIFORM),
-            views: buffer(
-                "shadow views",
-                MAX_SHADOW_VIEWS * UNIFORM_ALIGNMENT,
-                BufferUsages::UNIFORM,
-            ),
-            instances: buffer(
-                "instances",
-                64 * size_of::<InstanceUniform>(),
-                BufferUsages::STORAGE,
-            ),
+            views: buffer("shadow views", MAX_SHADOW_VIEWS * UNIFORM_ALIGNMENT, BufferUsages::UNIFORM),
+            instances: buffer("instances", 64 * size_of::<InstanceUniform>(), BufferUsages::STORAGE),
             shadow_sampler: gpu.device.create_sampler(&SamplerDescriptor {
                 label: Some("shadow"),
                 mag_filter: FilterMode::Linear,
@@ -192,18 +176,14 @@ impl WgpuRenderer {
         camera_from_world: &Isometry3<f64>,
     ) -> Result<Vec<&'a Instance>> {
         self.cache.forget_unused();
-        let drawn: Vec<&Instance> = scene
-            .instances
-            .iter()
-            .filter(|instance| !instance.visual.mesh.triangles.is_empty())
-            .collect();
+        let drawn: Vec<&Instance> =
+            scene.instances.iter().filter(|instance| !instance.visual.mesh.triangles.is_empty()).collect();
         let mut uniforms = Vec::with_capacity(drawn.len());
         for instance in &drawn {
             let material = &instance.visual.material;
             self.cache.add_mesh(&self.gpu, &instance.visual.mesh)?;
             if let Some(texture) = &material.texture {
-                self.cache
-                    .add_texture(&self.gpu, &self.pipelines.texture_group, texture);
+                self.cache.add_texture(&self.gpu, &self.pipelines.texture_group, texture);
             }
             let camera_from_mesh = camera_from_world * instance.pose;
             uniforms.push(InstanceUniform {
@@ -239,17 +219,10 @@ impl WgpuRenderer {
             .iter()
             .map(|instance| {
                 let mesh = self.cache.mesh(&instance.visual.mesh);
-                Caster {
-                    center: camera_from_world * (instance.pose * mesh.center),
-                    radius: mesh.radius,
-                }
+                Caster { center: camera_from_world * (instance.pose * mesh.center), radius: mesh.radius }
             })
             .collect();
-        lighting
-            .lights
-            .iter()
-            .map(|light| shadow_views(light, &casters))
-            .collect()
+        lighting.lights.iter().map(|light| shadow_views(light, &casters)).collect()
     }
 
     /// Writes [`Frame`] and the shadow views; returns how many views there are.
@@ -305,9 +278,7 @@ impl WgpuRenderer {
                 }
             }
         }
-        self.gpu
-            .queue
-            .write_buffer(&self.frame, 0, bytemuck::bytes_of(&frame));
+        self.gpu.queue.write_buffer(&self.frame, 0, bytemuck::bytes_of(&frame));
         layer
     }
 
@@ -379,16 +350,8 @@ impl WgpuRenderer {
         let [r, g, b] = background.map(f64::from);
         let clear = Color { r, g, b, a: 1.0 };
         let (color, depth, load) = match &targets.multisampled {
-            Some([view, depth]) => (
-                target(view, Some(&targets.color), clear),
-                depth,
-                LoadOp::Clear(0.0),
-            ),
-            None => (
-                target(&targets.color, None, clear),
-                &targets.geometry_depth,
-                LoadOp::Load,
-            ),
+            Some([view, depth]) => (target(view, Some(&targets.color), clear), depth, LoadOp::Clear(0.0)),
+            None => (target(&targets.color, None, clear), &targets.geometry_depth, LoadOp::Load),
         };
         let mut pass = encoder.begin_render_pass(&RenderPassDescriptor {
             label: Some("color"),
@@ -415,24 +378,13 @@ impl WgpuRenderer {
         pass.draw_indexed(0..mesh.index_count, 0, index..index + 1);
     }
 
-    fn group(
-        &self,
-        layout: &wgpu::BindGroupLayout,
-        resources: &[BindingResource<'_>],
-    ) -> BindGroup {
+    fn group(&self, layout: &wgpu::BindGroupLayout, resources: &[BindingResource<'_>]) -> BindGroup {
         let entries: Vec<BindGroupEntry<'_>> = resources
             .iter()
             .enumerate()
-            .map(|(i, resource)| BindGroupEntry {
-                binding: i as u32,
-                resource: resource.clone(),
-            })
+            .map(|(i, resource)| BindGroupEntry { binding: i as u32, resource: resource.clone() })
             .collect();
-        self.gpu.device.create_bind_group(&BindGroupDescriptor {
-            label: None,
-            layout,
-            entries: &entries,
-        })
+        self.gpu.device.create_bind_group(&BindGroupDescriptor { label: None, layout, entries: &entries })
     }
 }
 
@@ -487,18 +439,14 @@ impl Renderer for WgpuRenderer {
         let mut luminances = Vec::with_capacity(pixels);
         targets.read_rows(&self.gpu, |[depth, labels, cos, color]| {
             depths.extend(depth.as_chunks().0.iter().map(|b| f32::from_le_bytes(*b)));
-            label_data.extend(
-                labels
-                    .as_chunks()
-                    .0
-                    .iter()
-                    .map(|b| u32::from_le_bytes(*b) as u16),
-            );
+            label_data.extend(labels.as_chunks().0.iter().map(|b| u32::from_le_bytes(*b) as u16));
             cosines.extend(cos.as_chunks().0.iter().map(|b| f32::from_le_bytes(*b)));
             luminances.extend(
-                color.as_chunks::<8>().0.iter().map(|b| {
-                    [0, 2, 4].map(|i| float_of_half(u16::from_le_bytes([b[i], b[i + 1]])))
-                }),
+                color
+                    .as_chunks::<8>()
+                    .0
+                    .iter()
+                    .map(|b| [0, 2, 4].map(|i| float_of_half(u16::from_le_bytes([b[i], b[i + 1]])))),
             );
         })?;
         self.targets = Some(targets);
@@ -517,11 +465,7 @@ fn depth_buffer(
     load: LoadOp<f32>,
     store: StoreOp,
 ) -> RenderPassDepthStencilAttachment<'_> {
-    RenderPassDepthStencilAttachment {
-        view,
-        depth_ops: Some(Operations { load, store }),
-        stencil_ops: None,
-    }
+    RenderPassDepthStencilAttachment { view, depth_ops: Some(Operations { load, store }), stencil_ops: None }
 }
 
 fn target<'a>(
@@ -535,11 +479,7 @@ fn target<'a>(
         resolve_target,
         ops: Operations {
             load: LoadOp::Clear(clear),
-            store: if resolve_target.is_some() {
-                StoreOp::Discard
-            } else {
-                StoreOp::Store
-            },
+            store: if resolve_target.is_some() { StoreOp::Discard } else { StoreOp::Store },
         },
     }
 }
@@ -547,11 +487,7 @@ fn target<'a>(
 /// The value of a finite IEEE 754 half float (the shader writes no others).
 fn float_of_half(half: u16) -> f32 {
     let magnitude = f32::from_bits(u32::from(half & 0x7fff) << 13) * 2.0_f32.powi(112);
-    if half & 0x8000 == 0 {
-        magnitude
-    } else {
-        -magnitude
-    }
+    if half & 0x8000 == 0 { magnitude } else { -magnitude }
 }
 
 #[cfg(test)]

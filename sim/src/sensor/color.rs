@@ -76,11 +76,7 @@ impl ColorSensor {
     pub fn auto_exposure(&self, radiance: &RadianceImage, limits: &ExposureLimits) -> Exposure {
         let mut luminance: Vec<f64> = (0..radiance.height())
             .step_by(METER_STRIDE)
-            .flat_map(|v| {
-                (0..radiance.width())
-                    .step_by(METER_STRIDE)
-                    .map(move |u| (u, v))
-            })
+            .flat_map(|v| (0..radiance.width()).step_by(METER_STRIDE).map(move |u| (u, v)))
             .map(|(u, v)| {
                 let [r, g, b] = radiance.at(u, v).map(f64::from);
                 // Rec. 709 luminance.
@@ -90,9 +86,8 @@ impl ColorSensor {
         luminance.sort_by(f64::total_cmp);
         let most = limits.max_time_s * limits.max_gain * self.sensitivity();
         let least = SHORTEST_S.min(limits.max_time_s) * self.sensitivity();
-        let mean = |scale: f64| {
-            luminance.iter().map(|l| (l * scale).min(1.0)).sum::<f64>() / luminance.len() as f64
-        };
+        let mean =
+            |scale: f64| luminance.iter().map(|l| (l * scale).min(1.0)).sum::<f64>() / luminance.len() as f64;
         // The clipped mean grows with the scale; halve the interval, in stops.
         let (mut low, mut high) = (least, most.max(least));
         for _ in 0..40 {
@@ -107,19 +102,11 @@ impl ColorSensor {
         let scale = high.min(HIGHLIGHT / bright.max(1e-12)).max(least);
         let wanted = scale / self.sensitivity();
         let time_s = wanted.min(limits.max_time_s);
-        Exposure {
-            time_s,
-            gain: (wanted / time_s).clamp(1.0, limits.max_gain),
-        }
+        Exposure { time_s, gain: (wanted / time_s).clamp(1.0, limits.max_gain) }
     }
 
     /// The 8-bit sRGB picture of `radiance` under auto exposure within the condition's limits.
-    pub fn expose(
-        &self,
-        radiance: &RadianceImage,
-        condition: &Condition,
-        rng: &mut ChaCha8Rng,
-    ) -> RgbImage {
+    pub fn expose(&self, radiance: &RadianceImage, condition: &Condition, rng: &mut ChaCha8Rng) -> RgbImage {
         let exposure = self.auto_exposure(radiance, &condition.exposure);
         let white = self.white_balance(&condition.lighting);
         self.develop(radiance, exposure, white, rng)
@@ -141,23 +128,20 @@ impl ColorSensor {
         let levels = self.levels as f32;
         let streams = RowStreams::new(rng);
         let mut pixels = vec![0_u8; 3 * width * height];
-        pixels
-            .par_chunks_mut(3 * width)
-            .enumerate()
-            .for_each(|(v, row)| {
-                let mut rng = streams.row(v);
-                let light = blurred_row(radiance, v, self.spread as f32);
-                for (pixel, light) in row.as_chunks_mut::<3>().0.iter_mut().zip(light) {
-                    for c in 0..3 {
-                        let electrons = (light[c] * electrons_per_nit).clamp(0.0, full_well);
-                        // Poisson, by its normal limit: exact enough from ten electrons on, and read noise hides the rest.
-                        let normal: f32 = StandardNormal.sample(&mut rng);
-                        let noisy = electrons + normal * (electrons + read_variance).sqrt();
-                        let code = (noisy * scale * levels).round().min(levels);
-                        pixel[c] = encode_8bit(code / levels * white[c]);
-                    }
+        pixels.par_chunks_mut(3 * width).enumerate().for_each(|(v, row)| {
+            let mut rng = streams.row(v);
+            let light = blurred_row(radiance, v, self.spread as f32);
+            for (pixel, light) in row.as_chunks_mut::<3>().0.iter_mut().zip(light) {
+                for c in 0..3 {
+                    let electrons = (light[c] * electrons_per_nit).clamp(0.0, full_well);
+                    // Poisson, by its normal limit: exact enough from ten electrons on, and read noise hides the rest.
+                    let normal: f32 = StandardNormal.sample(&mut rng);
+                    let noisy = electrons + normal * (electrons + read_variance).sqrt();
+                    let code = (noisy * scale * levels).round().min(levels);
+                    pixel[c] = encode_8bit(code / levels * white[c]);
                 }
-            });
+            }
+        });
         let black = || RgbImage::new(width as u32, height as u32);
         RgbImage::from_raw(width as u32, height as u32, pixels).unwrap_or_else(black)
     }
@@ -175,11 +159,7 @@ impl ColorSensor {
         let brightest = light.iter().copied().fold(0.0, f64::max);
         light.map(|channel| {
             // A channel without light cannot be brought back.
-            let share = if brightest > 0.0 {
-                (channel / brightest).max(0.1)
-            } else {
-                1.0
-            };
+            let share = if brightest > 0.0 { (channel / brightest).max(0.1) } else { 1.0 };
             share.powf(-self.white_balance) as f32
         })
     }
@@ -192,23 +172,9 @@ fn blurred_row(radiance: &RadianceImage, v: usize, spread: f32) -> Vec<[f32; 3]>
     let mix = |a: [f32; 3], b: [f32; 3], c: [f32; 3]| -> [f32; 3] {
         std::array::from_fn(|i| b[i] + spread * (a[i] - 2.0 * b[i] + c[i]))
     };
-    let (above, here, below) = (
-        row(v.saturating_sub(1)),
-        row(v),
-        row((v + 1).min(height - 1)),
-    );
-    let column: Vec<[f32; 3]> = (0..width)
-        .map(|u| mix(above[u], here[u], below[u]))
-        .collect();
-    (0..width)
-        .map(|u| {
-            mix(
-                column[u.saturating_sub(1)],
-                column[u],
-                column[(u + 1).min(width - 1)],
-            )
-        })
-        .collect()
+    let (above, here, below) = (row(v.saturating_sub(1)), row(v), row((v + 1).min(height - 1)));
+    let column: Vec<[f32; 3]> = (0..width).map(|u| mix(above[u], here[u], below[u])).collect();
+    (0..width).map(|u| mix(column[u.saturating_sub(1)], column[u], column[(u + 1).min(width - 1)])).collect()
 }
 
 #[cfg(test)]
@@ -221,10 +187,7 @@ mod tests {
     use nalgebra::Vector3;
 
     fn limits(max_time_s: f64, max_gain: f64) -> ExposureLimits {
-        ExposureLimits {
-            max_time_s,
-            max_gain,
-        }
+        ExposureLimits { max_time_s, max_gain }
     }
 
     /// A grey card.
@@ -248,14 +211,8 @@ mod tests {
 
     #[test]
     fn noise_is_shot_plus_read_noise_times_gain() {
-        let sensor = ColorSensor {
-            levels: 1e6,
-            ..Default::default()
-        };
-        let exposure = Exposure {
-            time_s: 0.02,
-            gain: 4.0,
-        };
+        let sensor = ColorSensor { levels: 1e6, ..Default::default() };
+        let exposure = Exposure { time_s: 0.02, gain: 4.0 };
         let nits = 6.0_f32;
         let electrons = f64::from(nits) * 0.02 * sensor.electrons_per_nit_second;
         let picture = sensor.develop(&card(nits), exposure, [1.0; 3], &mut rng::stream(1, "t"));
@@ -264,8 +221,7 @@ mod tests {
             .map(|&c| f64::from(crate::render::srgb::LINEAR_OF_8BIT[c as usize]) * 6000.0 / 4.0)
             .collect();
         let mean = values.iter().sum::<f64>() / values.len() as f64;
-        let sigma =
-            (values.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / values.len() as f64).sqrt();
+        let sigma = (values.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / values.len() as f64).sqrt();
         let expected = (electrons + 16.0).sqrt();
         assert!((mean / electrons - 1.0).abs() < 0.01, "{mean} {electrons}");
         assert!((sigma / expected - 1.0).abs() < 0.03, "{sigma} {expected}");
@@ -278,10 +234,7 @@ mod tests {
             name: String::new(),
             description: String::new(),
             placement: Placement::Spread,
-            lighting: Lighting {
-                ambient_lux,
-                lights: Vec::new(),
-            },
+            lighting: Lighting { ambient_lux, lights: Vec::new() },
             exposure: limits(0.033, max_gain),
         };
         let statistics = |lux: f64| {
@@ -290,11 +243,7 @@ mod tests {
             let picture = sensor.expose(&card, &condition(lux, 16.0), &mut rng::stream(2, "t"));
             let count = picture.len() as f64;
             let mean = picture.iter().map(|&c| f64::from(c)).sum::<f64>() / count;
-            let variance = picture
-                .iter()
-                .map(|&c| (f64::from(c) - mean).powi(2))
-                .sum::<f64>()
-                / count;
+            let variance = picture.iter().map(|&c| (f64::from(c) - mean).powi(2)).sum::<f64>() / count;
             (mean, variance.sqrt())
         };
         let (day, day_noise) = statistics(400.0);
@@ -325,21 +274,10 @@ mod tests {
     #[test]
     fn pictures_do_not_depend_on_the_number_of_threads() {
         let take = |threads| {
-            let pool = rayon::ThreadPoolBuilder::new()
-                .num_threads(threads)
-                .build()
-                .unwrap();
-            let exposure = Exposure {
-                time_s: 0.01,
-                gain: 1.0,
-            };
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            let exposure = Exposure { time_s: 0.01, gain: 1.0 };
             pool.install(|| {
-                ColorSensor::default().develop(
-                    &card(50.0),
-                    exposure,
-                    [1.0; 3],
-                    &mut rng::stream(3, "t"),
-                )
+                ColorSensor::default().develop(&card(50.0), exposure, [1.0; 3], &mut rng::stream(3, "t"))
             })
         };
         assert_eq!(take(1), take(3));

@@ -40,14 +40,7 @@ impl Default for DepthNoise {
 
 impl DepthNoise {
     /// The names that [`DepthNoise::from_name`] knows.
-    pub const NAMES: [&str; 6] = [
-        "none",
-        "nguyen",
-        "handa",
-        "redwood",
-        "carmine-109",
-        "carmine-109-near",
-    ];
+    pub const NAMES: [&str; 6] = ["none", "nguyen", "handa", "redwood", "carmine-109", "carmine-109-near"];
 
     /// The preset called `name`: `none`, `nguyen`, `handa`, `redwood`, `carmine-109` (0.35 to 4.5 m) or
     /// `carmine-109-near` (0.35 to 1.4 m).
@@ -55,12 +48,7 @@ impl DepthNoise {
     /// # Errors
     /// For any other name, listing these.
     pub fn from_name(name: &str) -> Result<Self> {
-        let carmine = |range| {
-            Self::Carmine109(Carmine109 {
-                range,
-                ..Carmine109::default()
-            })
-        };
+        let carmine = |range| Self::Carmine109(Carmine109 { range, ..Carmine109::default() });
         Ok(match name {
             "none" => Self::None,
             "nguyen" => Self::Nguyen,
@@ -78,12 +66,7 @@ impl DepthNoise {
     }
 
     /// What the sensor reads of `rendering`; 0.0 where it reads nothing.
-    pub fn apply(
-        &self,
-        rendering: &Rendering,
-        intrinsics: &Intrinsics,
-        rng: &mut ChaCha8Rng,
-    ) -> DepthImage {
+    pub fn apply(&self, rendering: &Rendering, intrinsics: &Intrinsics, rng: &mut ChaCha8Rng) -> DepthImage {
         match self {
             Self::None => rendering.depth.clone(),
             Self::Nguyen => nguyen(rendering, rng),
@@ -137,11 +120,7 @@ fn redwood(depth: &DepthImage, rng: &mut ChaCha8Rng) -> DepthImage {
             return 0.0;
         }
         let eighths = ((35.130 / z + normal(rng) * 0.027_778) * 8.0).round();
-        if eighths > 0.0 {
-            35.130 * 8.0 / eighths
-        } else {
-            0.0
-        }
+        if eighths > 0.0 { 35.130 * 8.0 / eighths } else { 0.0 }
     })
 }
 
@@ -154,16 +133,12 @@ fn each_pixel(
 ) -> DepthImage {
     let streams = RowStreams::new(rng);
     let mut image = Image::filled(width, height, 0.0);
-    image
-        .data_mut()
-        .par_chunks_mut(width)
-        .enumerate()
-        .for_each(|(v, row)| {
-            let mut rng = streams.row(v);
-            for (u, z) in row.iter_mut().enumerate() {
-                *z = reading(u, v, &mut rng);
-            }
-        });
+    image.data_mut().par_chunks_mut(width).enumerate().for_each(|(v, row)| {
+        let mut rng = streams.row(v);
+        for (u, z) in row.iter_mut().enumerate() {
+            *z = reading(u, v, &mut rng);
+        }
+    });
     image
 }
 
@@ -172,17 +147,9 @@ fn normal(rng: &mut ChaCha8Rng) -> f32 {
 }
 
 /// The pixel that (u, v) sees after a normal shift of `sigma` pixels each way, kept inside the image.
-fn shifted(
-    image: &DepthImage,
-    u: usize,
-    v: usize,
-    sigma: f32,
-    rng: &mut ChaCha8Rng,
-) -> (usize, usize) {
+fn shifted(image: &DepthImage, u: usize, v: usize, sigma: f32, rng: &mut ChaCha8Rng) -> (usize, usize) {
     let mut move_by = |at: usize, size: usize| {
-        (at as f32 + sigma * normal(rng))
-            .round()
-            .clamp(0.0, (size - 1) as f32) as usize
+        (at as f32 + sigma * normal(rng)).round().clamp(0.0, (size - 1) as f32) as usize
     };
     (move_by(u, image.width()), move_by(v, image.height()))
 }
@@ -203,23 +170,13 @@ mod tests {
         }
     }
 
-    pub(super) const CAMERA: Intrinsics = Intrinsics {
-        width: 320,
-        height: 240,
-        fx: 554.26,
-        fy: 554.26,
-        cx: 159.5,
-        cy: 119.5,
-    };
+    pub(super) const CAMERA: Intrinsics =
+        Intrinsics { width: 320, height: 240, fx: 554.26, fy: 554.26, cx: 159.5, cy: 119.5 };
 
     /// Mean, standard deviation and share of valid readings, relative to `z`.
     pub(super) fn statistics(image: &DepthImage, z: f32) -> (f64, f64, f64) {
-        let valid: Vec<f64> = image
-            .data()
-            .iter()
-            .filter(|&&d| d > 0.0)
-            .map(|&d| f64::from(d) - f64::from(z))
-            .collect();
+        let valid: Vec<f64> =
+            image.data().iter().filter(|&&d| d > 0.0).map(|&d| f64::from(d) - f64::from(z)).collect();
         let count = valid.len().max(1) as f64;
         let mean = valid.iter().sum::<f64>() / count;
         let variance = valid.iter().map(|e| (e - mean).powi(2)).sum::<f64>() / count;
@@ -231,15 +188,9 @@ mod tests {
         for name in DepthNoise::NAMES {
             assert!(DepthNoise::from_name(name).is_ok());
         }
-        assert_eq!(
-            DepthNoise::from_name("carmine-109").unwrap(),
-            DepthNoise::default()
-        );
+        assert_eq!(DepthNoise::from_name("carmine-109").unwrap(), DepthNoise::default());
         let error = DepthNoise::from_name("kinect").unwrap_err().to_string();
-        assert!(
-            error.contains("kinect") && error.contains("redwood"),
-            "{error}"
-        );
+        assert!(error.contains("kinect") && error.contains("redwood"), "{error}");
     }
 
     #[test]
@@ -262,10 +213,7 @@ mod tests {
             let expected = 0.0012 + 0.0019 * (depth - 0.4).powi(2) + 0.0001 / depth.sqrt() * steep;
             assert_eq!(valid, 1.0);
             assert!(bias.abs() < 0.03 * expected, "{z} {theta}: bias {bias}");
-            assert!(
-                (sigma / expected - 1.0).abs() < 0.02,
-                "{z} {theta}: {sigma} {expected}"
-            );
+            assert!((sigma / expected - 1.0).abs() < 0.02, "{z} {theta}: {sigma} {expected}");
         }
     }
 
@@ -294,11 +242,9 @@ mod tests {
 
     #[test]
     fn redwood_has_its_published_step_and_sigma() {
-        for (z, step, sigma) in [
-            (0.6, 0.001_28, 0.000_285),
-            (1.0, 0.003_56, 0.000_79),
-            (1.5, 0.008_0, 0.001_78),
-        ] {
+        for (z, step, sigma) in
+            [(0.6, 0.001_28, 0.000_285), (1.0, 0.003_56, 0.000_79), (1.5, 0.008_0, 0.001_78)]
+        {
             let read = DepthNoise::Redwood.apply(&flat(z, 0.0), &CAMERA, &mut rng::stream(3, "t"));
             let mut levels: Vec<f32> = read.data().to_vec();
             levels.sort_by(f32::total_cmp);
@@ -311,17 +257,13 @@ mod tests {
             let mut squares = 0.0;
             for i in 0..16 {
                 let z = z + step * (i as f32 + 0.5) / 16.0;
-                let read =
-                    DepthNoise::Redwood.apply(&flat(z, 0.0), &CAMERA, &mut rng::stream(i, "t"));
+                let read = DepthNoise::Redwood.apply(&flat(z, 0.0), &CAMERA, &mut rng::stream(i, "t"));
                 let (bias, sigma, _) = statistics(&read, z);
                 squares += bias * bias + sigma * sigma;
             }
             let total = (squares / 16.0).sqrt();
             let expected = (f64::from(step * step) / 12.0 + sigma * sigma).sqrt();
-            assert!(
-                (total / expected - 1.0).abs() < 0.03,
-                "{z}: {total} {expected}"
-            );
+            assert!((total / expected - 1.0).abs() < 0.03, "{z}: {total} {expected}");
         }
         let far = DepthNoise::Redwood.apply(&flat(10.5, 0.0), &CAMERA, &mut rng::stream(3, "t"));
         assert!(far.data().iter().all(|&z| z == 0.0));
@@ -333,10 +275,7 @@ mod tests {
         for name in DepthNoise::NAMES {
             let noise = DepthNoise::from_name(name).unwrap();
             let take = |threads| {
-                let pool = rayon::ThreadPoolBuilder::new()
-                    .num_threads(threads)
-                    .build()
-                    .unwrap();
+                let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
                 pool.install(|| noise.apply(&rendering, &CAMERA, &mut rng::stream(5, "t")))
             };
             assert_eq!(take(1), take(3), "{name}");

@@ -9,10 +9,10 @@ use image::RgbImage;
 use nalgebra::Point3;
 use wgpu::util::{BufferInitDescriptor, DeviceExt};
 use wgpu::{
-    AddressMode, BindGroup, BindGroupDescriptor, BindGroupEntry, BindGroupLayout, BindingResource,
-    Buffer, BufferUsages, Extent3d, FilterMode, MipmapFilterMode, Origin3d, Sampler,
-    SamplerDescriptor, TexelCopyBufferLayout, TexelCopyTextureInfo, TextureAspect,
-    TextureDescriptor, TextureDimension, TextureFormat, TextureUsages, TextureViewDescriptor,
+    AddressMode, BindGroup, BindGroupDescriptor, BindGroupEntry, BindGroupLayout, BindingResource, Buffer,
+    BufferUsages, Extent3d, FilterMode, MipmapFilterMode, Origin3d, Sampler, SamplerDescriptor,
+    TexelCopyBufferLayout, TexelCopyTextureInfo, TextureAspect, TextureDescriptor, TextureDimension,
+    TextureFormat, TextureUsages, TextureViewDescriptor,
 };
 
 use super::device::Gpu;
@@ -70,19 +70,13 @@ impl Cache {
         });
         let white = RgbImage::from_pixel(1, 1, image::Rgb([255; 3]));
         let white = upload_texture(gpu, layout, &sampler, Pyramid::new(&white));
-        Self {
-            meshes: HashMap::new(),
-            textures: HashMap::new(),
-            white,
-            sampler,
-        }
+        Self { meshes: HashMap::new(), textures: HashMap::new(), white, sampler }
     }
 
     /// Drops what nobody else holds any more and so cannot come back.
     pub fn forget_unused(&mut self) {
         self.meshes.retain(|_, (arc, _)| Arc::strong_count(arc) > 1);
-        self.textures
-            .retain(|_, (arc, _)| Arc::strong_count(arc) > 1);
+        self.textures.retain(|_, (arc, _)| Arc::strong_count(arc) > 1);
     }
 
     pub fn add_mesh(&mut self, gpu: &Gpu, mesh: &Arc<Mesh>) -> Result<()> {
@@ -107,9 +101,7 @@ impl Cache {
 
     /// The texture, or white where there is none.
     pub fn texture(&self, image: Option<&Arc<RgbImage>>) -> &BindGroup {
-        image
-            .and_then(|image| self.textures.get(&key(image)))
-            .map_or(&self.white, |(_, group)| group)
+        image.and_then(|image| self.textures.get(&key(image))).map_or(&self.white, |(_, group)| group)
     }
 }
 
@@ -128,37 +120,20 @@ fn upload_mesh(gpu: &Gpu, mesh: &Mesh) -> GpuMesh {
         })
         .collect();
     let buffer = |label, contents: &[u8], usage| {
-        gpu.device.create_buffer_init(&BufferInitDescriptor {
-            label: Some(label),
-            contents,
-            usage,
-        })
+        gpu.device.create_buffer_init(&BufferInitDescriptor { label: Some(label), contents, usage })
     };
     let positions = || mesh.positions.iter().map(|p| p.cast::<f64>());
-    let (low, high) = positions().fold(
-        (
-            Point3::from([f64::INFINITY; 3]),
-            Point3::from([f64::NEG_INFINITY; 3]),
-        ),
-        |(low, high), p| (low.inf(&p), high.sup(&p)),
-    );
+    let (low, high) = positions()
+        .fold((Point3::from([f64::INFINITY; 3]), Point3::from([f64::NEG_INFINITY; 3])), |(low, high), p| {
+            (low.inf(&p), high.sup(&p))
+        });
     let center = nalgebra::center(&low, &high);
     GpuMesh {
-        vertices: buffer(
-            "vertices",
-            bytemuck::cast_slice(&vertices),
-            BufferUsages::VERTEX,
-        ),
-        indices: buffer(
-            "indices",
-            bytemuck::cast_slice(&mesh.triangles),
-            BufferUsages::INDEX,
-        ),
+        vertices: buffer("vertices", bytemuck::cast_slice(&vertices), BufferUsages::VERTEX),
+        indices: buffer("indices", bytemuck::cast_slice(&mesh.triangles), BufferUsages::INDEX),
         index_count: 3 * mesh.triangles.len() as u32,
         center,
-        radius: positions()
-            .map(|p| nalgebra::distance(&p, &center))
-            .fold(0.0, f64::max),
+        radius: positions().map(|p| nalgebra::distance(&p, &center)).fold(0.0, f64::max),
     }
 }
 
@@ -173,11 +148,7 @@ fn upload_texture(
     let (width, height) = levels.first().map_or((1, 1), |l| (l.width, l.height));
     let texture = gpu.device.create_texture(&TextureDescriptor {
         label: Some("texture"),
-        size: Extent3d {
-            width,
-            height,
-            depth_or_array_layers: 1,
-        },
+        size: Extent3d { width, height, depth_or_array_layers: 1 },
         mip_level_count: levels.len().max(1) as u32,
         sample_count: 1,
         dimension: TextureDimension::D2,
@@ -194,27 +165,15 @@ fn upload_texture(
                 aspect: TextureAspect::All,
             },
             rgba,
-            TexelCopyBufferLayout {
-                offset: 0,
-                bytes_per_row: Some(4 * width),
-                rows_per_image: None,
-            },
-            Extent3d {
-                width,
-                height,
-                depth_or_array_layers: 1,
-            },
+            TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(4 * width), rows_per_image: None },
+            Extent3d { width, height, depth_or_array_layers: 1 },
         );
     };
     if levels.is_empty() {
         write(0, 1, 1, &[255; 4]);
     }
     for (i, level) in levels.iter().enumerate() {
-        let rgba: Vec<u8> = level
-            .texels
-            .iter()
-            .flat_map(|&[r, g, b]| [r, g, b, 255])
-            .collect();
+        let rgba: Vec<u8> = level.texels.iter().flat_map(|&[r, g, b]| [r, g, b, 255]).collect();
         write(i as u32, level.width, level.height, &rgba);
     }
     gpu.device.create_bind_group(&BindGroupDescriptor {
@@ -227,10 +186,7 @@ fn upload_texture(
                     &texture.create_view(&TextureViewDescriptor::default()),
                 ),
             },
-            BindGroupEntry {
-                binding: 1,
-                resource: BindingResource::Sampler(sampler),
-            },
+            BindGroupEntry { binding: 1, resource: BindingResource::Sampler(sampler) },
         ],
     })
 }

@@ -3,8 +3,8 @@
 use std::sync::{Arc, Mutex, PoisonError};
 
 use wgpu::{
-    Adapter, Backends, Device, DeviceDescriptor, DeviceType, Features, Instance,
-    InstanceDescriptor, InstanceFlags, Limits, Queue,
+    Adapter, Backends, Device, DeviceDescriptor, DeviceType, Features, Instance, InstanceDescriptor,
+    InstanceFlags, Limits, Queue,
 };
 
 use super::failed;
@@ -81,9 +81,7 @@ impl Gpu {
     pub fn check(&self) -> Result<()> {
         let fault = self.fault.lock().unwrap_or_else(PoisonError::into_inner);
         fault.as_ref().map_or(Ok(()), |message| {
-            Err(failed(format!(
-                "{message}; the driver may be at fault, try --renderer cpu"
-            )))
+            Err(failed(format!("{message}; the driver may be at fault, try --renderer cpu")))
         })
     }
 }
@@ -110,11 +108,8 @@ fn windowless_instance() -> Instance {
     reason = "wgpu takes a changed list of Vulkan extensions only through its unsafe interface"
 )]
 fn quiet_vulkan() -> Option<Instance> {
-    const WINDOWS: [&std::ffi::CStr; 3] = [
-        c"VK_KHR_xlib_surface",
-        c"VK_KHR_xcb_surface",
-        c"VK_KHR_wayland_surface",
-    ];
+    const WINDOWS: [&std::ffi::CStr; 3] =
+        [c"VK_KHR_xlib_surface", c"VK_KHR_xcb_surface", c"VK_KHR_wayland_surface"];
     let descriptor = wgpu::hal::InstanceDescriptor {
         name: "grip",
         flags: InstanceFlags::empty(),
@@ -129,11 +124,8 @@ fn quiet_vulkan() -> Option<Instance> {
     // SAFETY: the three extensions serve nothing but surfaces for windows, which this module never makes; no other
     // extension that wgpu enables depends on them, and nothing is added.
     unsafe {
-        let instance =
-            wgpu::hal::vulkan::Instance::init_with_callback(&descriptor, Some(without_windows));
-        instance
-            .ok()
-            .map(|instance| Instance::from_hal::<wgpu::hal::api::Vulkan>(instance))
+        let instance = wgpu::hal::vulkan::Instance::init_with_callback(&descriptor, Some(without_windows));
+        instance.ok().map(|instance| Instance::from_hal::<wgpu::hal::api::Vulkan>(instance))
     }
 }
 

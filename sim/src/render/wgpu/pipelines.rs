@@ -1,12 +1,11 @@
 //! The three pipelines (shadow, geometry, colour) and the layouts of what they read; made once.
 
 use wgpu::{
-    BindGroupLayout, BindGroupLayoutDescriptor, BindGroupLayoutEntry, BindingType,
-    BufferBindingType, ColorTargetState, CompareFunction, DepthStencilState, Device, FragmentState,
-    MultisampleState, PipelineLayoutDescriptor, PrimitiveState, RenderPipeline,
-    RenderPipelineDescriptor, SamplerBindingType, ShaderModule, ShaderModuleDescriptor,
-    ShaderSource, ShaderStages, TextureFormat, TextureSampleType, TextureViewDimension,
-    VertexBufferLayout, VertexState, VertexStepMode, vertex_attr_array,
+    BindGroupLayout, BindGroupLayoutDescriptor, BindGroupLayoutEntry, BindingType, BufferBindingType,
+    ColorTargetState, CompareFunction, DepthStencilState, Device, FragmentState, MultisampleState,
+    PipelineLayoutDescriptor, PrimitiveState, RenderPipeline, RenderPipelineDescriptor, SamplerBindingType,
+    ShaderModule, ShaderModuleDescriptor, ShaderSource, ShaderStages, TextureFormat, TextureSampleType,
+    TextureViewDimension, VertexBufferLayout, VertexState, VertexStepMode, vertex_attr_array,
 };
 
 use super::cache::Vertex;
@@ -51,26 +50,15 @@ impl Pipelines {
             min_binding_size: None,
         };
         let both = ShaderStages::VERTEX_FRAGMENT;
-        let shadow_group = layout(
-            device,
-            &[
-                (ShaderStages::VERTEX, uniform(true)),
-                (ShaderStages::VERTEX, instances),
-            ],
-        );
+        let shadow_group =
+            layout(device, &[(ShaderStages::VERTEX, uniform(true)), (ShaderStages::VERTEX, instances)]);
         let frame_group = layout(
             device,
             &[
                 (both, uniform(false)),
                 (both, instances),
-                (
-                    ShaderStages::FRAGMENT,
-                    texture(TextureSampleType::Depth, TextureViewDimension::D2Array),
-                ),
-                (
-                    ShaderStages::FRAGMENT,
-                    BindingType::Sampler(SamplerBindingType::Comparison),
-                ),
+                (ShaderStages::FRAGMENT, texture(TextureSampleType::Depth, TextureViewDimension::D2Array)),
+                (ShaderStages::FRAGMENT, BindingType::Sampler(SamplerBindingType::Comparison)),
             ],
         );
         let texture_group = layout(
@@ -78,15 +66,9 @@ impl Pipelines {
             &[
                 (
                     ShaderStages::FRAGMENT,
-                    texture(
-                        TextureSampleType::Float { filterable: true },
-                        TextureViewDimension::D2,
-                    ),
+                    texture(TextureSampleType::Float { filterable: true }, TextureViewDimension::D2),
                 ),
-                (
-                    ShaderStages::FRAGMENT,
-                    BindingType::Sampler(SamplerBindingType::Filtering),
-                ),
+                (ShaderStages::FRAGMENT, BindingType::Sampler(SamplerBindingType::Filtering)),
             ],
         );
 
@@ -96,11 +78,8 @@ impl Pipelines {
                 bind_group_layouts: stage.groups,
                 immediate_size: 0,
             });
-            let targets: Vec<Option<ColorTargetState>> = stage
-                .targets
-                .iter()
-                .map(|&format| Some(format.into()))
-                .collect();
+            let targets: Vec<Option<ColorTargetState>> =
+                stage.targets.iter().map(|&format| Some(format.into())).collect();
             device.create_render_pipeline(&RenderPipelineDescriptor {
                 label: Some(stage.label),
                 layout: Some(&layout),
@@ -125,10 +104,7 @@ impl Pipelines {
                     stencil: Default::default(),
                     bias: Default::default(),
                 }),
-                multisample: MultisampleState {
-                    count: stage.samples,
-                    ..Default::default()
-                },
+                multisample: MultisampleState { count: stage.samples, ..Default::default() },
                 fragment: stage.fragment.map(|entry_point| FragmentState {
                     module: stage.module,
                     entry_point: Some(entry_point),
@@ -172,11 +148,7 @@ impl Pipelines {
                 groups: &scene_groups,
                 targets: &[COLOR],
                 // With one sample it starts from the depths of the geometry pass and shades each pixel once.
-                nearer: if samples == 1 {
-                    CompareFunction::Equal
-                } else {
-                    CompareFunction::Greater
-                },
+                nearer: if samples == 1 { CompareFunction::Equal } else { CompareFunction::Greater },
                 writes_depth: samples > 1,
                 samples,
             }),
@@ -211,23 +183,11 @@ fn layout(device: &Device, bindings: &[(ShaderStages, BindingType)]) -> BindGrou
     let entries: Vec<BindGroupLayoutEntry> = bindings
         .iter()
         .enumerate()
-        .map(|(i, &(visibility, ty))| BindGroupLayoutEntry {
-            binding: i as u32,
-            visibility,
-            ty,
-            count: None,
-        })
+        .map(|(i, &(visibility, ty))| BindGroupLayoutEntry { binding: i as u32, visibility, ty, count: None })
         .collect();
-    device.create_bind_group_layout(&BindGroupLayoutDescriptor {
-        label: None,
-        entries: &entries,
-    })
+    device.create_bind_group_layout(&BindGroupLayoutDescriptor { label: None, entries: &entries })
 }
 
 fn texture(sample_type: TextureSampleType, view_dimension: TextureViewDimension) -> BindingType {
-    BindingType::Texture {
-        sample_type,
-        view_dimension,
-        multisampled: false,
-    }
+    BindingType::Texture { sample_type, view_dimension, multisampled: false }
 }

@@ -42,16 +42,8 @@ pub(super) fn shadow_views(light: &ViewLight, casters: &[Caster]) -> Option<Shad
     if around.is_empty() {
         return None;
     }
-    let near = around
-        .iter()
-        .map(|(_, d, r)| d - r)
-        .fold(f64::INFINITY, f64::min)
-        .max(NEAREST);
-    let far = around
-        .iter()
-        .map(|(_, d, r)| d + r)
-        .fold(0.0, f64::max)
-        .max(near * 1.01);
+    let near = around.iter().map(|(_, d, r)| d - r).fold(f64::INFINITY, f64::min).max(NEAREST);
+    let far = around.iter().map(|(_, d, r)| d + r).fold(0.0, f64::max).max(near * 1.01);
 
     // Towards the middle of the casters, wide enough for all of them; or the light's own cone where that is narrower.
     let middle: Vector3<f64> = around.iter().map(|(o, d, _)| o / d.max(1e-6)).sum();
@@ -59,13 +51,7 @@ pub(super) fn shadow_views(light: &ViewLight, casters: &[Caster]) -> Option<Shad
     let mut half = axis.map_or(f64::INFINITY, |axis| {
         around
             .iter()
-            .map(|(o, d, r)| {
-                if d <= r {
-                    f64::INFINITY
-                } else {
-                    o.angle(&axis) + (r / d).asin()
-                }
-            })
+            .map(|(o, d, r)| if d <= r { f64::INFINITY } else { o.angle(&axis) + (r / d).asin() })
             .fold(0.0, f64::max)
     });
     let cone = if light.cos_outer < -1.0 {
@@ -90,38 +76,19 @@ pub(super) fn shadow_views(light: &ViewLight, casters: &[Caster]) -> Option<Shad
         }
         _ => {
             let near = (near / 3.0_f64.sqrt()).max(NEAREST);
-            let shadow_from_camera = [
-                Vector3::x(),
-                -Vector3::x(),
-                Vector3::y(),
-                -Vector3::y(),
-                Vector3::z(),
-                -Vector3::z(),
-            ]
-            .into_iter()
-            .map(|forward| look(eye, forward, 1.0, near, far))
-            .collect();
-            Some(ShadowViews {
-                shadow_from_camera,
-                width_at_1m: 2.0,
-            })
+            let shadow_from_camera =
+                [Vector3::x(), -Vector3::x(), Vector3::y(), -Vector3::y(), Vector3::z(), -Vector3::z()]
+                    .into_iter()
+                    .map(|forward| look(eye, forward, 1.0, near, far))
+                    .collect();
+            Some(ShadowViews { shadow_from_camera, width_at_1m: 2.0 })
         }
     }
 }
 
 /// Perspective from `eye` along unit vector `forward`, depth 0 at `near` and 1 at `far`.
-fn look(
-    eye: Point3<f64>,
-    forward: Vector3<f64>,
-    tangent: f64,
-    near: f64,
-    far: f64,
-) -> Matrix4<f32> {
-    let side = if forward.x.abs() < 0.9 {
-        Vector3::x()
-    } else {
-        Vector3::y()
-    };
+fn look(eye: Point3<f64>, forward: Vector3<f64>, tangent: f64, near: f64, far: f64) -> Matrix4<f32> {
+    let side = if forward.x.abs() < 0.9 { Vector3::x() } else { Vector3::y() };
     let right = forward.cross(&side).normalize();
     let up = right.cross(&forward);
     let row = |axis: Vector3<f64>, scale: f64, shift: f64| {
@@ -179,10 +146,7 @@ mod tests {
 
     #[test]
     fn a_light_among_the_casters_looks_all_around_and_a_narrow_cone_limits_the_view() {
-        let around = [Caster {
-            center: Point3::new(0.1, -2.0, 1.1),
-            radius: 0.5,
-        }];
+        let around = [Caster { center: Point3::new(0.1, -2.0, 1.1), radius: 0.5 }];
         let views = shadow_views(&light(-2.0), &around).unwrap();
         assert_eq!(views.shadow_from_camera.len(), 6);
         let cone = 0.3_f32;

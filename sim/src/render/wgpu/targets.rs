@@ -1,9 +1,9 @@
 //! The images that are drawn into, and their way back to main memory.
 
 use wgpu::{
-    Buffer, BufferDescriptor, BufferUsages, CommandEncoder, Extent3d, MapMode, PollType,
-    TexelCopyBufferInfo, TexelCopyBufferLayout, Texture, TextureDescriptor, TextureDimension,
-    TextureFormat, TextureUsages, TextureView, TextureViewDescriptor, TextureViewDimension,
+    Buffer, BufferDescriptor, BufferUsages, CommandEncoder, Extent3d, MapMode, PollType, TexelCopyBufferInfo,
+    TexelCopyBufferLayout, Texture, TextureDescriptor, TextureDimension, TextureFormat, TextureUsages,
+    TextureView, TextureViewDescriptor, TextureViewDimension,
 };
 
 use super::device::Gpu;
@@ -44,21 +44,13 @@ impl Targets {
         let texture = |format, samples| {
             gpu.device.create_texture(&TextureDescriptor {
                 label: Some("target"),
-                size: Extent3d {
-                    width: width as u32,
-                    height: height as u32,
-                    depth_or_array_layers: 1,
-                },
+                size: Extent3d { width: width as u32, height: height as u32, depth_or_array_layers: 1 },
                 mip_level_count: 1,
                 sample_count: samples,
                 dimension: TextureDimension::D2,
                 format,
                 usage: TextureUsages::RENDER_ATTACHMENT
-                    | if samples == 1 {
-                        TextureUsages::COPY_SRC
-                    } else {
-                        TextureUsages::empty()
-                    },
+                    | if samples == 1 { TextureUsages::COPY_SRC } else { TextureUsages::empty() },
                 view_formats: &[],
             })
         };
@@ -69,12 +61,7 @@ impl Targets {
             let row = (width * pixel).next_multiple_of(ROW_ALIGNMENT);
             let offset = end;
             end += row * height;
-            Copy {
-                texture: texture(format, 1),
-                offset,
-                pixel,
-                row,
-            }
+            Copy { texture: texture(format, 1), offset, pixel, row }
         };
         let copies = [copy(DEPTH), copy(LABELS), copy(COS), copy(COLOR)];
         Self {
@@ -120,13 +107,9 @@ impl Targets {
         let slice = self.readback.slice(..);
         slice.map_async(MapMode::Read, |_| {});
         let unreadable = |what: String| failed(format!("the picture cannot be read back: {what}"));
-        gpu.device
-            .poll(PollType::wait_indefinitely())
-            .map_err(|error| unreadable(error.to_string()))?;
+        gpu.device.poll(PollType::wait_indefinitely()).map_err(|error| unreadable(error.to_string()))?;
         gpu.check()?;
-        let view = slice
-            .get_mapped_range()
-            .map_err(|error| unreadable(error.to_string()))?;
+        let view = slice.get_mapped_range().map_err(|error| unreadable(error.to_string()))?;
         for v in 0..self.height {
             read(std::array::from_fn(|i| {
                 let copy = &self.copies[i];
@@ -150,11 +133,7 @@ impl ShadowMaps {
     pub fn new(gpu: &Gpu, size: u32, layers: u32) -> Self {
         let texture = gpu.device.create_texture(&TextureDescriptor {
             label: Some("shadow maps"),
-            size: Extent3d {
-                width: size,
-                height: size,
-                depth_or_array_layers: layers,
-            },
+            size: Extent3d { width: size, height: size, depth_or_array_layers: layers },
             mip_level_count: 1,
             sample_count: 1,
             dimension: TextureDimension::D2,
@@ -171,9 +150,7 @@ impl ShadowMaps {
             })
         };
         Self {
-            layers: (0..layers)
-                .map(|layer| view(TextureViewDimension::D2, layer, 1))
-                .collect(),
+            layers: (0..layers).map(|layer| view(TextureViewDimension::D2, layer, 1)).collect(),
             all: view(TextureViewDimension::D2Array, 0, layers),
         }
     }

@@ -104,12 +104,8 @@ impl Carmine109 {
         let (nearest, farthest) = self.range.limits();
         let focal = intrinsics.fx as f32;
         let mut image = Image::filled(width, height, 0.0);
-        image
-            .data_mut()
-            .par_chunks_mut(width)
-            .zip(depth.data().par_chunks(width))
-            .enumerate()
-            .for_each(|(v, (row, perfect))| {
+        image.data_mut().par_chunks_mut(width).zip(depth.data().par_chunks(width)).enumerate().for_each(
+            |(v, (row, perfect))| {
                 let mut rng = streams.row(v);
                 let lit = projector_light(perfect, focal * self.projector_x);
                 for (u, reading) in row.iter_mut().enumerate() {
@@ -127,19 +123,16 @@ impl Carmine109 {
                         continue;
                     }
                     // What rounding does not contribute to the data sheet's noise is added before it, in disparity.
-                    let added = (sigma(z) * sigma(z) - step(z) * step(z) / 12.0)
-                        .max(0.0)
-                        .sqrt();
-                    let disparity = FOCAL_BASELINE / z
-                        + white * added * FOCAL_BASELINE / (z * z)
-                        + bias.at(u, v);
-                    let read =
-                        FOCAL_BASELINE * STEPS_PER_PIXEL / (disparity * STEPS_PER_PIXEL).round();
+                    let added = (sigma(z) * sigma(z) - step(z) * step(z) / 12.0).max(0.0).sqrt();
+                    let disparity =
+                        FOCAL_BASELINE / z + white * added * FOCAL_BASELINE / (z * z) + bias.at(u, v);
+                    let read = FOCAL_BASELINE * STEPS_PER_PIXEL / (disparity * STEPS_PER_PIXEL).round();
                     if (nearest..=farthest).contains(&read) {
                         *reading = read;
                     }
                 }
-            });
+            },
+        );
         image
     }
 }
@@ -202,11 +195,7 @@ impl BiasField {
     fn new(width: usize, height: usize, scale: f32, rng: &mut ChaCha8Rng) -> Self {
         let columns = width / BIAS_SPACING + 2;
         let rows = height / BIAS_SPACING + 2;
-        Self {
-            nodes: (0..columns * rows).map(|_| normal(rng)).collect(),
-            columns,
-            scale,
-        }
+        Self { nodes: (0..columns * rows).map(|_| normal(rng)).collect(), columns, scale }
     }
 
     fn at(&self, u: usize, v: usize) -> f32 {
@@ -233,10 +222,7 @@ mod tests {
     use crate::sensor::depth::DepthNoise;
 
     fn without_bias() -> Carmine109 {
-        Carmine109 {
-            bias_px: 0.0,
-            ..Carmine109::default()
-        }
+        Carmine109 { bias_px: 0.0, ..Carmine109::default() }
     }
 
     #[test]
@@ -256,15 +242,8 @@ mod tests {
             }
             let total = (squares / 16.0).sqrt();
             let expected = f64::from(sigma(z));
-            assert!(
-                (total / expected - 1.0).abs() < 0.03,
-                "{z}: {total} {expected}"
-            );
-            assert!(
-                (biases / 16.0).abs() < 0.05 * expected,
-                "{z}: {}",
-                biases / 16.0
-            );
+            assert!((total / expected - 1.0).abs() < 0.03, "{z}: {total} {expected}");
+            assert!((biases / 16.0).abs() < 0.05 * expected, "{z}: {}", biases / 16.0);
         }
     }
 
@@ -300,14 +279,10 @@ mod tests {
     fn grazing_surfaces_lose_readings_as_the_formula_says() {
         for degrees in [0.0_f32, 60.0, 75.0, 80.0, 85.0] {
             let theta = degrees.to_radians();
-            let read =
-                DepthNoise::default().apply(&flat(1.0, theta), &CAMERA, &mut rng::stream(2, "t"));
+            let read = DepthNoise::default().apply(&flat(1.0, theta), &CAMERA, &mut rng::stream(2, "t"));
             let lost = read.data().iter().filter(|&&z| z == 0.0).count() as f64 / (320.0 * 240.0);
             let expected = f64::from(1.0 - theta.cos()).powi(8);
-            assert!(
-                (lost - expected).abs() < 0.005,
-                "{degrees}: {lost} {expected}"
-            );
+            assert!((lost - expected).abs() < 0.005, "{degrees}: {lost} {expected}");
         }
     }
 
@@ -321,18 +296,11 @@ mod tests {
                 *rendering.depth.at_mut(u, v) = near;
             }
         }
-        let settings = Carmine109 {
-            lateral_px: 0.0,
-            ..without_bias()
-        };
-        let read =
-            DepthNoise::Carmine109(settings).apply(&rendering, &CAMERA, &mut rng::stream(3, "t"));
+        let settings = Carmine109 { lateral_px: 0.0, ..without_bias() };
+        let read = DepthNoise::Carmine109(settings).apply(&rendering, &CAMERA, &mut rng::stream(3, "t"));
         let holes: Vec<usize> = (0..320).filter(|&u| *read.at(u, 100) == 0.0).collect();
         let width = 554.26 * 0.075 * (1.0 / near - 1.0 / far);
-        assert!(
-            (holes.len() as f32 - width).abs() <= 1.0,
-            "{holes:?} {width}"
-        );
+        assert!((holes.len() as f32 - width).abs() <= 1.0, "{holes:?} {width}");
         assert!(holes.iter().all(|&u| u < 120 && u + 20 > 120), "{holes:?}");
         assert!((0..320).all(|u| *read.at(u, 30) > 0.0));
     }

@@ -21,28 +21,16 @@ pub(super) fn handa(depth: &DepthImage, rng: &mut ChaCha8Rng) -> DepthImage {
     let (width, height) = (depth.width(), depth.height());
     // (1) and (2): what the matcher sees, as disparity in eighths of a pixel; 0 for nothing.
     let disparity = each_pixel(width, height, rng, |u, v, rng| {
-        let z = bilinear(
-            depth,
-            u as f32 + 0.5 * normal(rng),
-            v as f32 + 0.5 * normal(rng),
-        );
-        if z > 0.0 {
-            (FOCAL_BASELINE / z * 8.0).round() / 8.0
-        } else {
-            0.0
-        }
+        let z = bilinear(depth, u as f32 + 0.5 * normal(rng), v as f32 + 0.5 * normal(rng));
+        if z > 0.0 { (FOCAL_BASELINE / z * 8.0).round() / 8.0 } else { 0.0 }
     });
     // (3)
     let mut matched = Image::filled(width, height, false);
-    matched
-        .data_mut()
-        .par_chunks_mut(width)
-        .enumerate()
-        .for_each(|(v, row)| {
-            for (u, ok) in row.iter_mut().enumerate() {
-                *ok = dots_agree(&disparity, u, v);
-            }
-        });
+    matched.data_mut().par_chunks_mut(width).enumerate().for_each(|(v, row)| {
+        for (u, ok) in row.iter_mut().enumerate() {
+            *ok = dots_agree(&disparity, u, v);
+        }
+    });
     // (4): depth in centimetres, then disparity with noise, then back.
     each_pixel(width, height, rng, |u, v, rng| {
         let noise = normal(rng) / 6.0;
@@ -64,10 +52,7 @@ fn bilinear(image: &DepthImage, u: f32, v: f32) -> f32 {
     let u = u.clamp(0.0, (image.width() - 1) as f32);
     let v = v.clamp(0.0, (image.height() - 1) as f32);
     let (u0, v0) = (u as usize, v as usize);
-    let (u1, v1) = (
-        (u0 + 1).min(image.width() - 1),
-        (v0 + 1).min(image.height() - 1),
-    );
+    let (u1, v1) = ((u0 + 1).min(image.width() - 1), (v0 + 1).min(image.height() - 1));
     let (fu, fv) = (u.fract(), v.fract());
     let [a, b, c, d] = [(u0, v0), (u1, v0), (u0, v1), (u1, v1)].map(|(u, v)| *image.at(u, v));
     if a > 0.0 && b > 0.0 && c > 0.0 && d > 0.0 {
@@ -79,9 +64,7 @@ fn bilinear(image: &DepthImage, u: f32, v: f32) -> f32 {
 
 /// Whether the projector puts a dot on this pixel: a fixed pattern.
 fn is_dot(u: usize, v: usize) -> bool {
-    let mut h = (u as u32)
-        .wrapping_mul(0x9e37_79b9)
-        .wrapping_add((v as u32).wrapping_mul(0x85eb_ca6b));
+    let mut h = (u as u32).wrapping_mul(0x9e37_79b9).wrapping_add((v as u32).wrapping_mul(0x85eb_ca6b));
     for multiplier in [0x7feb_352d_u32, 0x846c_a68b] {
         h = (h ^ (h >> 16)).wrapping_mul(multiplier);
     }
@@ -140,10 +123,7 @@ mod tests {
             let (bias, sigma, valid) = statistics(&read, z);
             assert!(valid > 0.99, "{valid}");
             // Half a step of bias (the formula's 0.5), half a centimetre of rounding, half a step of quantised disparity.
-            assert!(
-                bias.abs() < step + 0.005 + 0.004 * f64::from(z * z),
-                "{z}: {bias}"
-            );
+            assert!(bias.abs() < step + 0.005 + 0.004 * f64::from(z * z), "{z}: {bias}");
             assert!(sigma < step, "{z}: {sigma}");
         }
         assert!((1.0 / 351.3 - 0.00285_f64).abs() < 1e-5);
@@ -164,10 +144,7 @@ mod tests {
             let mean = sum / count;
             let sigma = (squares / count - mean * mean).sqrt();
             assert!((mean - 0.5).abs() < 0.12, "{z}: {mean}");
-            assert!(
-                (sigma - (1.0_f64 / 36.0 + 1.0 / 12.0).sqrt()).abs() < 0.06,
-                "{z}: {sigma}"
-            );
+            assert!((sigma - (1.0_f64 / 36.0 + 1.0 / 12.0).sqrt()).abs() < 0.06, "{z}: {sigma}");
         }
     }
 
