@@ -677,7 +677,7 @@ mod tests {
     #[test]
     fn an_object_lost_on_the_way_is_noticed_by_the_fingers() {
         let mut port = Fake::new(0.06);
-        port.lost_at = 4.5;
+        port.lost_at = 3.0;
         let (stage, reason) = go(&mut port).failure().unwrap();
         assert!(matches!(stage, ExecStage::Lift | ExecStage::Carry), "{stage:?}");
         assert!(reason.contains("lost"), "{reason}");

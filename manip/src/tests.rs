@@ -162,3 +162,30 @@ fn goes_home_from_the_end_of_a_plan() {
         assert!(crate::space::wrap(a - b).abs() < 1e-9, "joint {k}");
     }
 }
+
+/// Not a test of speed (nothing here can fail): prints what a collision check costs.
+#[test]
+fn collision_checks_of_random_configurations() {
+    use rand::SeedableRng;
+    let belief = settled(&groceries(), 0.015);
+    let planner = planner();
+    let checker = CollisionChecker::new(planner.robot().clone(), &belief);
+    let space = planner.solver().space(0.0);
+    let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(1);
+    let query = Query { held: None, allowed: &[], margins: planner.settings().free };
+    let mut q = ready();
+    let clock = std::time::Instant::now();
+    let n = 20_000;
+    let mut free = 0;
+    for _ in 0..n {
+        planner.solver().scatter(&space.sample(&mut rng), &mut q);
+        free += usize::from(checker.in_collision(&q, &query).is_none());
+    }
+    eprintln!("{:.2} us a check, {free} of {n} free", 1e6 * clock.elapsed().as_secs_f64() / f64::from(n));
+    let clock = std::time::Instant::now();
+    let q = ready();
+    for _ in 0..n {
+        assert!(checker.in_collision(&q, &query).is_none());
+    }
+    eprintln!("{:.2} us a check of a free configuration", 1e6 * clock.elapsed().as_secs_f64() / f64::from(n));
+}
