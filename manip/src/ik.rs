@@ -33,6 +33,8 @@ struct Entry {
 pub struct IkSolver {
     robot: Arc<RobotSolids>,
     joints: Vec<usize>,
+    /// Planning speed of each joint, per second.
+    speeds: Vec<f64>,
     table: Vec<Entry>,
 }
 
@@ -40,7 +42,8 @@ impl IkSolver {
     /// Prepares the seed table for the joints `joints` of the robot (from a fixed stream: the same on every run).
     pub fn new(robot: Arc<RobotSolids>, config: &RobotConfig) -> Self {
         let joints = config.arm_with_torso.clone();
-        let mut solver = Self { robot, joints, table: Vec::new() };
+        let speeds = joints.iter().map(|&j| config.limits[j].velocity.max(1e-3)).collect();
+        let mut solver = Self { robot, joints, speeds, table: Vec::new() };
         let space = solver.space(0.0);
         let mut rng = grip_sim::rng::stream(0, "ik seed table");
         let mut q = solver.robot.model.neutral();
@@ -158,7 +161,8 @@ impl IkSolver {
         found.into_iter().map(|(_, q)| q).collect()
     }
 
-    /// Distance from the present configuration, metres, plus a penalty for joints in the outer tenth of their range.
+    /// Seconds that the slowest joint takes from the present configuration (the Fetch's torso is slow), a fifth of the
+    /// others', and a penalty for joints in the outer tenth of their range.
     pub fn cost(&self, space: &JointSpace, q_now: &[f64], group: &[f64]) -> f64 {
         let near_limits: f64 = space
             .axes()
@@ -171,7 +175,14 @@ impl IkSolver {
                 (1.0 - inside / 0.1).max(0.0)
             })
             .sum();
-        space.distance(&self.gather(q_now), group) + 0.3 * near_limits
+        let times: Vec<f64> = space
+            .difference(&self.gather(q_now), group)
+            .iter()
+            .zip(&self.speeds)
+            .map(|(d, v)| d.abs() / v)
+            .collect();
+        let slowest = times.iter().copied().fold(0.0, f64::max);
+        slowest + 0.2 * (times.iter().sum::<f64>() - slowest) + near_limits
     }
 
     fn nearest(&self, target: &Isometry3<f64>, count: usize) -> Vec<&Entry> {

@@ -10,7 +10,7 @@ use rand_chacha::ChaCha8Rng;
 use crate::antipodal::PAD_FRICTION;
 use crate::belief::BeliefScene;
 use crate::cartesian::{CartesianPath, straight_line, translate};
-use crate::collision::{CollisionChecker, CollisionPair, Held, Query};
+use crate::collision::{Body, CollisionChecker, CollisionPair, Held, Query};
 use crate::grasp::{Grasp, hand_may_touch, rank_grasps};
 use crate::place::{PlacePose, place_poses};
 use crate::plan::{
@@ -142,18 +142,18 @@ impl Attempt<'_> {
                 return None;
             }
             // A way to the grasp first: without it no place helps.
-            let to_pregrasp =
-                match self.path(None, &self.q_now.clone(), picked.approach.waypoints[0].clone(), rng) {
-                    Ok(trajectory) => trajectory,
-                    Err((PlanStage::StartInCollision, reason)) => {
-                        self.note(PlanStage::StartInCollision, reason);
-                        return None;
-                    }
-                    Err((_, reason)) => {
-                        self.note(PlanStage::NoApproachPath, reason);
-                        continue;
-                    }
-                };
+            let open = self.with_fingers(&self.q_now, picked.grasp.opening);
+            let to_pregrasp = match self.path(None, &open, picked.approach.waypoints[0].clone(), rng) {
+                Ok(trajectory) => trajectory,
+                Err((PlanStage::StartInCollision, reason)) => {
+                    self.note(PlanStage::StartInCollision, reason);
+                    return None;
+                }
+                Err((_, reason)) => {
+                    self.note(PlanStage::NoApproachPath, reason);
+                    continue;
+                }
+            };
             let (mut reached_for, mut searches) = (0, 0);
             for place in places.iter() {
                 // The hand alone first: cheap, and decides most cases.
@@ -219,7 +219,7 @@ impl Attempt<'_> {
         let free = Query { held: None, allowed: &[], margins: settings.free };
         let object = &self.belief.objects[self.target];
         let held = Held::new(&object.model, self.target, *grasp.object_from_gripper.inverse().iso());
-        let solutions = solver.solutions(&base_from_gripper, &open, settings.ik_seeds, 2, |q| {
+        let solutions = solver.solutions(&base_from_gripper, &open, settings.ik_seeds, 3, |q| {
             self.checker.in_collision(q, &near).is_none()
         });
         if solutions.is_empty() {
@@ -254,13 +254,17 @@ impl Attempt<'_> {
     fn lift(&self, closed: &[f64], held: &Held) -> Option<CartesianPath> {
         let settings = &self.planner.settings;
         let near = Query { held: Some(held), allowed: &[], margins: settings.near };
-        // What it lies on and leans against, by belief: left within the first centimetres.
+        // What it lies on, by belief, is left within the first centimetres; objects that it leans against or overlaps,
+        // since estimates do, may slide along it all the way up.
         let lying = self.checker.collisions(closed, &near);
+        let beside: Vec<CollisionPair> =
+            lying.iter().copied().filter(|p| p.a == Body::Held && matches!(p.b, Body::Object(_))).collect();
         let leaving = Query { allowed: &lying, ..near };
+        let rising = Query { allowed: &beside, ..near };
         let clear = Query { margins: settings.free, ..near };
         settings.lifts.iter().find_map(|&height| {
             let path = translate(&self.planner.solver, closed, Vector3::z() * height, |gone, q| {
-                let query = if gone < LEAVING { &leaving } else { &near };
+                let query = if gone < LEAVING { &leaving } else { &rising };
                 self.checker.in_collision(q, query)
             })
             .ok()?;
@@ -380,8 +384,8 @@ fn joined(mut steps: Vec<PlanStep>) -> Vec<PlanStep> {
     for step in &mut steps {
         if let Action::Move { trajectory, .. } = &mut step.action {
             if let Some(last) = &last {
-                for k in 0..last.len() {
-                    let turns = ((last[k] - trajectory.points[0].q[k]) / TAU).round();
+                for (k, last) in last.iter().enumerate() {
+                    let turns = ((last - trajectory.points[0].q[k]) / TAU).round();
                     if turns != 0.0 {
                         for point in &mut trajectory.points {
                             point.q[k] += turns * TAU;

@@ -4,7 +4,7 @@
 use std::sync::OnceLock;
 
 use crate::belief::BeliefScene;
-use crate::collision::{CollisionChecker, Held, Margins, Query};
+use crate::collision::{Body, CollisionChecker, CollisionPair, Held, Margins, Query};
 use crate::pick::settled;
 use crate::plan::{Action, PickPlacePlan, PlanStage, StepName};
 use crate::planner::Planner;
@@ -161,4 +161,89 @@ fn goes_home_from_the_end_of_a_plan() {
     for (k, (a, b)) in home.last().iter().zip(&goal).enumerate() {
         assert!(crate::space::wrap(a - b).abs() < 1e-9, "joint {k}");
     }
+}
+
+#[test]
+fn a_configuration_collides_exactly_when_its_clearance_is_below_the_margin() {
+    let belief = settled(&groceries(), 0.015);
+    let planner = planner();
+    let checker = CollisionChecker::new(planner.robot().clone(), &belief);
+    let space = planner.solver().space(0.0);
+    let mut rng = grip_sim::rng::stream(1, "clearance test");
+    let margin = 0.03;
+    // Links may touch each other here: clearance knows the world only.
+    let own: Vec<CollisionPair> = (0..planner.robot().model.links().len())
+        .flat_map(|a| (0..a).map(move |b| CollisionPair { a: Body::Link(a), b: Body::Link(b) }))
+        .collect();
+    let query =
+        Query { held: None, allowed: &own, margins: Margins { world: margin, own: 0.0, spread: 0.0 } };
+    let mut q = ready();
+    let (mut hits, mut near) = (0, 0);
+    for _ in 0..600 {
+        planner.solver().scatter(&space.sample(&mut rng), &mut q);
+        let clearance = checker.clearance(&q, &query, 0.1);
+        // Single precision and the tolerance of GJK.
+        if (clearance - margin).abs() > 5e-4 {
+            let pair = checker.in_collision(&q, &query);
+            assert_eq!(pair.is_some(), clearance < margin, "{clearance} {pair:?}");
+            hits += usize::from(pair.is_some());
+            near += usize::from(pair.is_none() && clearance < 0.1);
+        }
+    }
+    assert!(hits > 50 && near > 20, "{hits} {near}: the sample says something");
+}
+
+/// Random yaws and places over the whole region, objects standing or lying.
+fn random_scene(seed: u64) -> BeliefScene {
+    use rand::RngExt;
+    let mut rng = grip_sim::rng::stream(seed, "test scene");
+    let mut belief = groceries();
+    let mut taken: Vec<[f64; 2]> = Vec::new();
+    for object in &mut belief.objects {
+        let lie = rng.random::<f64>() < 0.3;
+        let xy = loop {
+            let p = [0.45 + 0.30 * rng.random::<f64>(), -0.13 + 0.42 * rng.random::<f64>()];
+            if taken.iter().all(|t: &[f64; 2]| (t[0] - p[0]).hypot(t[1] - p[1]) > 0.14) {
+                break p;
+            }
+        };
+        taken.push(xy);
+        let roll = if lie { std::f64::consts::FRAC_PI_2 } else { 0.0 };
+        let z = 0.65 + if lie { object.model.max.y } else { object.model.max.z };
+        let yaw = std::f64::consts::TAU * rng.random::<f64>();
+        object.world_from_object = grip_sim::pose::Pose::from_xyz_rpy([xy[0], xy[1], z], [roll, 0.0, yaw]);
+    }
+    belief
+}
+
+#[test]
+fn most_random_scenes_have_a_plan_for_every_object() {
+    let (mut plans, mut all, mut seconds, mut motion) = (0, 0, 0.0, 0.0);
+    for seed in 0..sweep() {
+        let belief = random_scene(seed);
+        for target in 0..belief.objects.len() {
+            all += 1;
+            match planner().plan_pick_place(&belief, target, &ready(), seed) {
+                Ok(plan) => {
+                    plans += 1;
+                    seconds += plan.counters.seconds;
+                    motion += plan.motion_seconds();
+                    if plan.counters.seconds > 0.4 {
+                        eprintln!("slow {seed} {} {:?}", plan.object, plan.counters);
+                    }
+                }
+                Err(e) => eprintln!("{seed} {e} {:?} {:?}", e.stage, e.counters),
+            }
+        }
+    }
+    eprintln!(
+        "{plans} of {all} planned, {:.3} s a plan, {:.1} s motion",
+        seconds / f64::from(plans),
+        motion / f64::from(plans)
+    );
+    assert!(plans * 20 >= all * 19);
+}
+
+fn sweep() -> u64 {
+    std::env::var("GRIP_SWEEP").ok().and_then(|s| s.parse().ok()).unwrap_or(5)
 }
