@@ -14,7 +14,11 @@ use rand::seq::SliceRandom;
 /// CPU time of this thread, seconds: wall time means nothing on a shared machine.
 fn cpu() -> f64 {
     let text = std::fs::read_to_string("/proc/thread-self/schedstat").unwrap_or_default();
-    text.split(' ').next().and_then(|t| t.parse::<f64>().ok()).unwrap_or(0.0) * 1e-9
+    text.split(' ')
+        .next()
+        .and_then(|t| t.parse::<f64>().ok())
+        .unwrap_or(0.0)
+        * 1e-9
 }
 
 fn settings(arguments: &[String]) -> GripSettings {
@@ -33,10 +37,16 @@ fn main() {
     let gap: f64 = arguments.get(1).map_or(0.01, |a| a.parse().unwrap());
     let models_dir = common::data("ycbv-real-frame/models").unwrap();
     let ids = [2, 3, 4, 5, 6, 9, 10, 12, 13, 14, 15, 17, 18, 21];
-    let models: Vec<_> = ids.iter().map(|&i| common::bop_object(&models_dir, i)).collect();
+    let models: Vec<_> = ids
+        .iter()
+        .map(|&i| common::bop_object(&models_dir, i))
+        .collect();
     let estimator = GripEstimator::new(settings(&overrides)).unwrap();
     let detector = Clusters::default();
-    let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
+    let pool = rayon::ThreadPoolBuilder::new()
+        .num_threads(1)
+        .build()
+        .unwrap();
 
     let mut table: BTreeMap<String, Vec<(f64, f64, f64, f64, f64)>> = BTreeMap::new();
     let mut absent: Vec<(f64, f64)> = Vec::new();
@@ -55,10 +65,17 @@ fn main() {
         let (found, spent) = pool.install(|| {
             // Warm the model cache: a trial prepares each model once.
             if n == 0 {
-                estimator.estimate(&scene.frame, &detections, &models, n).unwrap();
+                estimator
+                    .estimate(&scene.frame, &detections, &models, n)
+                    .unwrap();
             }
             let start = cpu();
-            (estimator.estimate(&scene.frame, &detections, &asked, n).unwrap(), cpu() - start)
+            (
+                estimator
+                    .estimate(&scene.frame, &detections, &asked, n)
+                    .unwrap(),
+                cpu() - start,
+            )
         });
         whole += spent;
         searched += asked.len();
@@ -67,15 +84,31 @@ fn main() {
                 Some((model, truth)) => {
                     let error = common::adds(model, truth, &p.best);
                     if error > 0.01 {
-                        println!("  scene {n} {}: {:.1} mm score {:.3} confidence {:.2} restarts {}", p.object, error * 1e3, p.score, p.confidence, p.restarts);
+                        println!(
+                            "  scene {n} {}: {:.1} mm score {:.3} confidence {:.2} restarts {}",
+                            p.object,
+                            error * 1e3,
+                            p.score,
+                            p.confidence,
+                            p.restarts
+                        );
                     }
-                    table.entry(p.object.clone()).or_default().push((error, p.score, p.confidence, p.restarts as f64, p.seconds));
+                    table.entry(p.object.clone()).or_default().push((
+                        error,
+                        p.score,
+                        p.confidence,
+                        p.restarts as f64,
+                        p.seconds,
+                    ));
                 }
                 None => absent.push((p.score, p.confidence)),
             }
         }
     }
-    println!("{:24} {:>3} {:>6} {:>6} {:>8} {:>6} {:>6} {:>6} {:>7}", "object", "n", "<5mm", "<1cm", "median", "score", "conf", "starts", "ms");
+    println!(
+        "{:24} {:>3} {:>6} {:>6} {:>8} {:>6} {:>6} {:>6} {:>7}",
+        "object", "n", "<5mm", "<1cm", "median", "score", "conf", "starts", "ms"
+    );
     let mut all = Vec::new();
     let row = |name: &str, rows: &[(f64, f64, f64, f64, f64)]| {
         let n = rows.len() as f64;
@@ -85,7 +118,14 @@ fn main() {
         errors.sort_by(f64::total_cmp);
         println!(
             "{name:24} {:>3} {:6.2} {:6.2} {:6.2}mm {:6.3} {:6.2} {:6.1} {:7.0}",
-            rows.len(), share(0.005), share(0.01), errors[errors.len() / 2] * 1e3, mean(|r| r.1), mean(|r| r.2), mean(|r| r.3), mean(|r| r.4) * 1e3
+            rows.len(),
+            share(0.005),
+            share(0.01),
+            errors[errors.len() / 2] * 1e3,
+            mean(|r| r.1),
+            mean(|r| r.2),
+            mean(|r| r.3),
+            mean(|r| r.4) * 1e3
         );
     };
     for (name, rows) in &table {
@@ -101,15 +141,23 @@ fn main() {
     let scores: Vec<f64> = all.iter().filter(|r| r.0 < 0.01).map(|r| r.1).collect();
     let confidences: Vec<f64> = absent.iter().map(|a| a.1).collect();
     let absent_scores: Vec<f64> = absent.iter().map(|a| a.0).collect();
-    for (name, s, c) in [("right", &scores, &right), ("absent", &absent_scores, &confidences)] {
+    for (name, s, c) in [
+        ("right", &scores, &right),
+        ("absent", &absent_scores, &confidences),
+    ] {
         println!(
             "{name:7} score 5/50/95 %: {:.3} {:.3} {:.3}  confidence {:.2} {:.2} {:.2}",
-            quantile(s.clone(), 0.05), quantile(s.clone(), 0.5), quantile(s.clone(), 0.95),
-            quantile(c.clone(), 0.05), quantile(c.clone(), 0.5), quantile(c.clone(), 0.95)
+            quantile(s.clone(), 0.05),
+            quantile(s.clone(), 0.5),
+            quantile(s.clone(), 0.95),
+            quantile(c.clone(), 0.05),
+            quantile(c.clone(), 0.5),
+            quantile(c.clone(), 0.95)
         );
     }
     println!(
         "CPU: clusters {:.1} ms a frame, estimate {:.0} ms a pose (frame preparation and conflicts included)",
-        1e3 * detect_seconds / scenes as f64, 1e3 * whole / searched as f64
+        1e3 * detect_seconds / scenes as f64,
+        1e3 * whole / searched as f64
     );
 }

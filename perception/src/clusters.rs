@@ -80,7 +80,8 @@ impl Clusters {
             let p = k.back_project((i % k.width) as f64, (i / k.width) as f64, f64::from(*z));
             let keep = is_reading(*z)
                 && support.as_ref().is_none_or(|support| {
-                    (s.min_height_m..s.max_height_m).contains(&support.plane.height(&p)) && support.holds(&p)
+                    (s.min_height_m..s.max_height_m).contains(&support.plane.height(&p))
+                        && support.holds(&p)
                 })
                 && s.workspace
                     .is_none_or(|w| w.contains(&frame.world_from_camera.transform_point(&p)));

@@ -107,7 +107,8 @@ pub(crate) fn sample_by<'a, T, R: Rng>(
     let total: f64 = items.iter().map(&weight).sum();
     let draw = rng.random::<f64>();
     if !(total > 0.0 && total.is_finite()) {
-        return items.get(((draw * items.len() as f64) as usize).min(items.len().saturating_sub(1)));
+        return items
+            .get(((draw * items.len() as f64) as usize).min(items.len().saturating_sub(1)));
     }
     let mut rest = draw * total;
     let mut last = None;

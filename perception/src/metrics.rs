@@ -77,7 +77,10 @@ mod tests {
 
     fn cube() -> Vec<Point3<f64>> {
         (0..8)
-            .map(|i| Point3::new((i & 1) as f64, (i >> 1 & 1) as f64, (i >> 2) as f64) - Vector3::repeat(0.5))
+            .map(|i| {
+                Point3::new((i & 1) as f64, (i >> 1 & 1) as f64, (i >> 2) as f64)
+                    - Vector3::repeat(0.5)
+            })
             .collect()
     }
 
@@ -103,7 +106,9 @@ mod tests {
         for i in 0..50 {
             let x = f64::from(i) * 0.37;
             let b = Pose::from_xyz_rpy([x.sin(), 0.1 * x, 0.0], [x, 2.0 * x, 0.3]);
-            assert!(adds(&cube(), &Pose::identity(), &b) <= add(&cube(), &Pose::identity(), &b) + 1e-12);
+            assert!(
+                adds(&cube(), &Pose::identity(), &b) <= add(&cube(), &Pose::identity(), &b) + 1e-12
+            );
         }
     }
 
@@ -123,7 +128,13 @@ mod tests {
     #[test]
     fn samples_evenly_and_never_more_than_there_are() {
         let points: Vec<Point3<f32>> = (0..100).map(|i| Point3::new(i as f32, 0.0, 0.0)).collect();
-        assert_eq!(sample_points(&points, 4).iter().map(|p| p.x).collect::<Vec<_>>(), [0.0, 25.0, 50.0, 75.0]);
+        assert_eq!(
+            sample_points(&points, 4)
+                .iter()
+                .map(|p| p.x)
+                .collect::<Vec<_>>(),
+            [0.0, 25.0, 50.0, 75.0]
+        );
         assert_eq!(sample_points(&points, 1000).len(), 100);
         assert!(sample_points(&[], 10).is_empty());
     }

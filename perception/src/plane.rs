@@ -91,9 +91,15 @@ pub fn fit_support_plane(
     let mut points = sample_points(frame, workspace);
     let all = points.clone();
     let enough = ((points.len() as f64 * settings.min_share) as usize).max(30);
-    let up = settings
-        .max_tilt_rad
-        .map(|tilt| (frame.world_from_camera.inverse().transform_vector(&Vector3::z()), tilt.cos()));
+    let up = settings.max_tilt_rad.map(|tilt| {
+        (
+            frame
+                .world_from_camera
+                .inverse()
+                .transform_vector(&Vector3::z()),
+            tilt.cos(),
+        )
+    });
     let mut rng = rng::stream(0, "support-plane");
     let mut best: Option<(Plane, usize)> = None;
     // The largest plane, then up to two more: the floor may be larger than the table.
@@ -119,7 +125,9 @@ pub fn fit_support_plane(
         points.retain(|p| plane.height(p).abs() > 3.0 * settings.inlier_m);
     }
     let (plane, _) = best?;
-    let close = all.into_iter().filter(|p| plane.height(p).abs() < settings.inlier_m);
+    let close = all
+        .into_iter()
+        .filter(|p| plane.height(p).abs() < settings.inlier_m);
     let footprint = Footprint::new(&plane.normal, close)?;
     Some(Support { plane, footprint })
 }
@@ -209,8 +217,13 @@ fn refine(mut plane: Plane, points: &[Point3<f64>], inlier_m: f64) -> Plane {
             sum + d * d.transpose()
         });
         let eigen = covariance.symmetric_eigen();
-        let Some(normal) = Unit::try_new(eigen.eigenvectors.column(eigen.eigenvalues.imin()).into_owned(), 1e-9)
-        else {
+        let Some(normal) = Unit::try_new(
+            eigen
+                .eigenvectors
+                .column(eigen.eigenvalues.imin())
+                .into_owned(),
+            1e-9,
+        ) else {
             break;
         };
         plane = facing_camera(normal, &Point3::from(mean));
@@ -248,7 +261,11 @@ mod tests {
                 let ray = iso * k.back_project(u as f64, v as f64, 1.0).coords;
                 let hit = |height: f64| (height - 1.2) / ray.z;
                 let table = hit(0.7);
-                let z = if table > 0.0 && table * ray.x < table_end { table } else { hit(0.0) };
+                let z = if table > 0.0 && table * ray.x < table_end {
+                    table
+                } else {
+                    hit(0.0)
+                };
                 if z > 0.0 && z < 4.0 && rng.random::<f64>() > 0.1 {
                     *depth.at_mut(u, v) = (z + noise * (rng.random::<f64>() - 0.5)) as f32;
                 }
@@ -280,7 +297,9 @@ mod tests {
     #[test]
     fn prefers_the_table_to_a_larger_floor() {
         let frame = frame(0.75, 0.5, 0.004);
-        let plane = fit_support_plane(&frame, &PlaneSettings::default(), None).unwrap().plane;
+        let plane = fit_support_plane(&frame, &PlaneSettings::default(), None)
+            .unwrap()
+            .plane;
         assert!((plane.offset - 0.5).abs() < 0.002, "{plane:?}");
     }
 

@@ -71,7 +71,11 @@ impl F8 {
     pub fn above(self, other: Self, yes: Self, no: Self) -> Self {
         let mut out = [0.0; LANES];
         for i in 0..LANES {
-            out[i] = if self.0[i] > other.0[i] { yes.0[i] } else { no.0[i] };
+            out[i] = if self.0[i] > other.0[i] {
+                yes.0[i]
+            } else {
+                no.0[i]
+            };
         }
         Self(out)
     }

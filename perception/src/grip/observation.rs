@@ -158,8 +158,9 @@ fn level(
         let y = (v as f32 - level.cy) / level.fy;
         for u in 0..width {
             let i = level.index(u as i32, v as i32);
-            near[i] = (0..stride)
-                .any(|dv| (0..stride).any(|du| edges[(v * stride + dv) * k.width + u * stride + du]));
+            near[i] = (0..stride).any(|dv| {
+                (0..stride).any(|du| edges[(v * stride + dv) * k.width + u * stride + du])
+            });
             let Some(w) = block_mean(frame, u * stride, v * stride, stride) else {
                 continue;
             };
@@ -209,7 +210,11 @@ fn block_mean(frame: &CameraFrame, u0: usize, v0: usize, stride: usize) -> Optio
         return None;
     }
     let (mut sums, mut counts) = ([0.0f32; 2], [0u32; 2]);
-    let split = if far - near < BLOCK_SPREAD { f32::MAX } else { 0.5 * (near + far) };
+    let split = if far - near < BLOCK_SPREAD {
+        f32::MAX
+    } else {
+        0.5 * (near + far)
+    };
     for row in rows() {
         for &z in row {
             if is_reading(z) {
@@ -225,7 +230,11 @@ fn block_mean(frame: &CameraFrame, u0: usize, v0: usize, stride: usize) -> Optio
 
 /// Pixels at full resolution with a reading whose next reading to some side is farther by the jump.
 fn near_edges(frame: &CameraFrame, jump: f32) -> Vec<bool> {
-    let (depth, width, height) = (frame.depth.data(), frame.intrinsics.width, frame.intrinsics.height);
+    let (depth, width, height) = (
+        frame.depth.data(),
+        frame.intrinsics.width,
+        frame.intrinsics.height,
+    );
     let mut edges = vec![false; depth.len()];
     let mut sweep = |start: usize, step: usize, count: usize| {
         let mut last: Option<(usize, usize)> = None;
@@ -260,7 +269,10 @@ fn soft_distance(marked: &[bool], pitch: usize, sigma: f32) -> Vec<f32> {
     let rows = marked.len() / pitch;
     // Squared distance along the row, by a sweep each way.
     let mut along = vec![far * far; marked.len()];
-    for (row, out) in marked.chunks_exact(pitch).zip(along.chunks_exact_mut(pitch)) {
+    for (row, out) in marked
+        .chunks_exact(pitch)
+        .zip(along.chunks_exact_mut(pitch))
+    {
         let mut d = far;
         for (m, o) in row.iter().zip(out.iter_mut()) {
             d = if *m { 0.0 } else { (d + 1.0).min(far) };
@@ -286,7 +298,11 @@ fn soft_distance(marked: &[bool], pitch: usize, sigma: f32) -> Vec<f32> {
     // Most pixels are far from any edge: spare them the exponential.
     let scale = -0.5 / (sigma * sigma);
     for b in &mut best {
-        *b = if *b >= far * far { 0.0 } else { (*b * scale).exp() };
+        *b = if *b >= far * far {
+            0.0
+        } else {
+            (*b * scale).exp()
+        };
     }
     best
 }
@@ -323,7 +339,13 @@ mod tests {
             (8..12, 0..4) => 0.5,
             _ => 0.0,
         });
-        let observation = Observation::new(&frame, &GripSettings { plane: None, ..Default::default() });
+        let observation = Observation::new(
+            &frame,
+            &GripSettings {
+                plane: None,
+                ..Default::default()
+            },
+        );
         let level = observation.level(4);
         let at = |u| level.w[level.index(u, 0)];
         assert_eq!([at(0), at(1), at(2)], [1.0, 0.0, 2.0]);
@@ -332,7 +354,7 @@ mod tests {
         // The tolerance is epsilon along the ray.
         let x = (0.0 - level.cx) / level.fx;
         let y = (0.0 - level.cy) / level.fy;
-        let tol = 0.005 / (x * x + y * y + 1.0).sqrt();
+        let tol = GripSettings::default().epsilon_m as f32 / (x * x + y * y + 1.0).sqrt();
         assert!((level.tol[level.index(0, 0)] - tol).abs() < 1e-8);
     }
 
@@ -347,7 +369,13 @@ mod tests {
         let row = &edges[640 * 7..640 * 8];
         let marked: Vec<usize> = (0..640).filter(|&u| row[u]).collect();
         assert_eq!(marked, [99]);
-        let observation = Observation::new(&frame, &GripSettings { plane: None, ..Default::default() });
+        let observation = Observation::new(
+            &frame,
+            &GripSettings {
+                plane: None,
+                ..Default::default()
+            },
+        );
         let one = observation.level(1);
         assert_eq!(one.edge[one.index(99, 9)], 1.0);
         let expected = (-0.5f32 * (2.0f32 / 1.5).powi(2)).exp();

@@ -56,7 +56,12 @@ pub(crate) struct Search<'a> {
 
 impl<'a> Search<'a> {
     /// Ready to weigh hypotheses of `model`.
-    pub fn new(model: &'a Model, observation: &'a Observation, boxes: &'a [BoxPrior], settings: &'a GripSettings) -> Self {
+    pub fn new(
+        model: &'a Model,
+        observation: &'a Observation,
+        boxes: &'a [BoxPrior],
+        settings: &'a GripSettings,
+    ) -> Self {
         let plane = observation
             .plane
             .map(|p| (p.normal.into_inner().cast(), p.offset as f32));
@@ -87,7 +92,8 @@ impl<'a> Search<'a> {
                 best = Some(end);
             }
             ends.push(end);
-            let hopeless = ends.len() >= HOPELESS_RESTARTS && best.is_none_or(|b| b.score < self.settings.hopeless_score);
+            let hopeless = ends.len() >= HOPELESS_RESTARTS
+                && best.is_none_or(|b| b.score < self.settings.hopeless_score);
             if agreed || hopeless {
                 break;
             }
@@ -126,7 +132,11 @@ impl<'a> Search<'a> {
                 population = thin_out(&population, level.samples, settings.ess, rng);
             }
             let last = depth + 1 == settings.levels.len();
-            let ess = if last { settings.last_ess } else { settings.ess };
+            let ess = if last {
+                settings.last_ess
+            } else {
+                settings.ess
+            };
             for iteration in 0..level.iterations {
                 if iteration > 0 {
                     population = diffuse(&population, level, iteration - 1, ess, rng);
@@ -181,13 +191,25 @@ impl<'a> Search<'a> {
     }
 
     /// One Gauss-Newton step; the same pose where it cannot be rendered.
-    fn moved(&mut self, lod: &Lod, pose: &Isometry3<f32>, stride: usize, kernel: f32) -> Isometry3<f32> {
+    fn moved(
+        &mut self,
+        lod: &Lod,
+        pose: &Isometry3<f32>,
+        stride: usize,
+        kernel: f32,
+    ) -> Isometry3<f32> {
         let level = self.observation.level(stride);
         if render(&mut self.raster, lod, pose, level, self.plane.as_ref()).is_none() {
             return *pose;
         }
         let radius = self.model.radius;
-        let sums = accumulate(&self.raster.tile, level, kernel, &pose.translation.vector, radius);
+        let sums = accumulate(
+            &self.raster.tile,
+            level,
+            kernel,
+            &pose.translation.vector,
+            radius,
+        );
         step(pose, &sums, radius, self.settings.damping)
     }
 
@@ -200,7 +222,8 @@ impl<'a> Search<'a> {
         let k = &observation.intrinsics;
         let centre = Vector3::from(pose.translation.vector);
         match k.project(&nalgebra::Point3::from(centre.cast::<f64>())) {
-            Some(p) if p.x >= 0.0 && p.y >= 0.0 && p.x < k.width as f64 && p.y < k.height as f64 => {}
+            Some(p)
+                if p.x >= 0.0 && p.y >= 0.0 && p.x < k.width as f64 && p.y < k.height as f64 => {}
             _ => return 0.0,
         }
         let Some(extent) = render(&mut self.raster, lod, pose, level, self.plane.as_ref()) else {
@@ -234,7 +257,8 @@ impl<'a> Search<'a> {
         (a.score - b.score).abs() < s.same_score
             && (a.pose.translation.vector - b.pose.translation.vector).norm() < s.same_position_m
             && directions(HULL_CHECKS).all(|d| {
-                (reach(&self.model.hull, &a.pose, &d) - reach(&self.model.hull, &b.pose, &d)).abs() < s.same_hull_m
+                (reach(&self.model.hull, &a.pose, &d) - reach(&self.model.hull, &b.pose, &d)).abs()
+                    < s.same_hull_m
             })
     }
 }
@@ -249,7 +273,11 @@ pub(crate) fn reach(hull: &[Vector3<f32>], pose: &Isometry3<f32>, d: &Vector3<f3
 }
 
 /// Bounds `[u0, v0, u1, v1]` of the projected points, clipped to the image; `None` when one is behind the camera.
-pub(crate) fn to_camera_bounds(points: &[Vector3<f32>], pose: &Isometry3<f32>, k: &Intrinsics) -> Option<[f64; 4]> {
+pub(crate) fn to_camera_bounds(
+    points: &[Vector3<f32>],
+    pose: &Isometry3<f32>,
+    k: &Intrinsics,
+) -> Option<[f64; 4]> {
     let r = pose.rotation.to_rotation_matrix();
     let (fx, fy, cx, cy) = (k.fx as f32, k.fy as f32, k.cx as f32, k.cy as f32);
     let mut b = [f32::MAX, f32::MAX, f32::MIN, f32::MIN];
@@ -262,11 +290,21 @@ pub(crate) fn to_camera_bounds(points: &[Vector3<f32>], pose: &Isometry3<f32>, k
         b = [b[0].min(u), b[1].min(v), b[2].max(u), b[3].max(v)];
     }
     let clip = |x: f32, most: usize| f64::from(x).clamp(0.0, most as f64 - 1.0);
-    Some([clip(b[0], k.width), clip(b[1], k.height), clip(b[2], k.width), clip(b[3], k.height)])
+    Some([
+        clip(b[0], k.width),
+        clip(b[1], k.height),
+        clip(b[2], k.width),
+        clip(b[3], k.height),
+    ])
 }
 
 /// `count` different hypotheses drawn by tempered weight; the best is always among them.
-fn thin_out<R: Rng>(population: &[Hypothesis], count: usize, ess: f64, rng: &mut R) -> Vec<Hypothesis> {
+fn thin_out<R: Rng>(
+    population: &[Hypothesis],
+    count: usize,
+    ess: f64,
+    rng: &mut R,
+) -> Vec<Hypothesis> {
     if population.len() <= count {
         return population.to_vec();
     }
@@ -285,12 +323,22 @@ fn thin_out<R: Rng>(population: &[Hypothesis], count: usize, ess: f64, rng: &mut
 
 /// Resampling with replacement and diffusion; the best stays as it is. DIFFERENCE to the paper: its step widths decay
 /// with the best weight, ours by schedule.
-fn diffuse<R: Rng>(population: &[Hypothesis], level: &SearchLevel, round: usize, ess: f64, rng: &mut R) -> Vec<Hypothesis> {
+fn diffuse<R: Rng>(
+    population: &[Hypothesis],
+    level: &SearchLevel,
+    round: usize,
+    ess: f64,
+    rng: &mut R,
+) -> Vec<Hypothesis> {
     let scores: Vec<f32> = population.iter().map(|h| h.score).collect();
     let t = temperature(&scores, ess);
     let rounds = level.iterations.saturating_sub(2).max(1) as f32;
     let between = |[from, to]: [f32; 2]| {
-        if from > 0.0 && to > 0.0 { from * (to / from).powf(round as f32 / rounds) } else { from }
+        if from > 0.0 && to > 0.0 {
+            from * (to / from).powf(round as f32 / rounds)
+        } else {
+            from
+        }
     };
     let (shift, turn) = (between(level.diffusion_m), between(level.diffusion_rad));
     let mut out: Vec<Hypothesis> = systematic(&scores, t, population.len(), rng)
@@ -301,7 +349,10 @@ fn diffuse<R: Rng>(population: &[Hypothesis], level: &SearchLevel, round: usize,
             let offset = Vector3::new(normal(), normal(), normal()) * shift;
             let rotation = small_rotation(turn, rng) * h.pose.rotation;
             Hypothesis {
-                pose: Isometry3::from_parts(Translation3::from(h.pose.translation.vector + offset), rotation),
+                pose: Isometry3::from_parts(
+                    Translation3::from(h.pose.translation.vector + offset),
+                    rotation,
+                ),
                 score: h.score,
             }
         })
