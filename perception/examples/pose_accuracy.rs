@@ -14,12 +14,11 @@ use rand::seq::SliceRandom;
 /// CPU time of this thread, seconds: wall time means nothing on a shared machine.
 fn cpu() -> f64 {
     let text = std::fs::read_to_string("/proc/thread-self/schedstat").unwrap_or_default();
-    text.split(' ')
-        .next()
-        .and_then(|t| t.parse::<f64>().ok())
-        .unwrap_or(0.0)
-        * 1e-9
+    text.split(' ').next().and_then(|t| t.parse::<f64>().ok()).unwrap_or(0.0) * 1e-9
 }
+
+/// ADD-S, score, confidence, restarts, seconds.
+type Row = (f64, f64, f64, f64, f64);
 
 fn settings(arguments: &[String]) -> GripSettings {
     let mut value = serde_json::to_value(GripSettings::default()).unwrap();
@@ -37,18 +36,12 @@ fn main() {
     let gap: f64 = arguments.get(1).map_or(0.01, |a| a.parse().unwrap());
     let models_dir = common::data("ycbv-real-frame/models").unwrap();
     let ids = [2, 3, 4, 5, 6, 9, 10, 12, 13, 14, 15, 17, 18, 21];
-    let models: Vec<_> = ids
-        .iter()
-        .map(|&i| common::bop_object(&models_dir, i))
-        .collect();
+    let models: Vec<_> = ids.iter().map(|&i| common::bop_object(&models_dir, i)).collect();
     let estimator = GripEstimator::new(settings(&overrides)).unwrap();
     let detector = Clusters::default();
-    let pool = rayon::ThreadPoolBuilder::new()
-        .num_threads(1)
-        .build()
-        .unwrap();
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
 
-    let mut table: BTreeMap<String, Vec<(f64, f64, f64, f64, f64)>> = BTreeMap::new();
+    let mut table: BTreeMap<String, Vec<Row>> = BTreeMap::new();
     let mut absent: Vec<(f64, f64)> = Vec::new();
     let (mut detect_seconds, mut whole, mut searched) = (0.0, 0.0, 0usize);
     for n in 0..scenes {
@@ -65,17 +58,10 @@ fn main() {
         let (found, spent) = pool.install(|| {
             // Warm the model cache: a trial prepares each model once.
             if n == 0 {
-                estimator
-                    .estimate(&scene.frame, &detections, &models, n)
-                    .unwrap();
+                estimator.estimate(&scene.frame, &detections, &models, n).unwrap();
             }
             let start = cpu();
-            (
-                estimator
-                    .estimate(&scene.frame, &detections, &asked, n)
-                    .unwrap(),
-                cpu() - start,
-            )
+            (estimator.estimate(&scene.frame, &detections, &asked, n).unwrap(), cpu() - start)
         });
         whole += spent;
         searched += asked.len();
@@ -110,10 +96,10 @@ fn main() {
         "object", "n", "<5mm", "<1cm", "median", "score", "conf", "starts", "ms"
     );
     let mut all = Vec::new();
-    let row = |name: &str, rows: &[(f64, f64, f64, f64, f64)]| {
+    let row = |name: &str, rows: &[Row]| {
         let n = rows.len() as f64;
         let share = |most: f64| rows.iter().filter(|r| r.0 < most).count() as f64 / n;
-        let mean = |f: fn(&(f64, f64, f64, f64, f64)) -> f64| rows.iter().map(f).sum::<f64>() / n;
+        let mean = |f: fn(&Row) -> f64| rows.iter().map(f).sum::<f64>() / n;
         let mut errors: Vec<f64> = rows.iter().map(|r| r.0).collect();
         errors.sort_by(f64::total_cmp);
         println!(
@@ -141,10 +127,7 @@ fn main() {
     let scores: Vec<f64> = all.iter().filter(|r| r.0 < 0.01).map(|r| r.1).collect();
     let confidences: Vec<f64> = absent.iter().map(|a| a.1).collect();
     let absent_scores: Vec<f64> = absent.iter().map(|a| a.0).collect();
-    for (name, s, c) in [
-        ("right", &scores, &right),
-        ("absent", &absent_scores, &confidences),
-    ] {
+    for (name, s, c) in [("right", &scores, &right), ("absent", &absent_scores, &confidences)] {
         println!(
             "{name:7} score 5/50/95 %: {:.3} {:.3} {:.3}  confidence {:.2} {:.2} {:.2}",
             quantile(s.clone(), 0.05),

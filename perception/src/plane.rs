@@ -62,12 +62,7 @@ pub struct PlaneSettings {
 
 impl Default for PlaneSettings {
     fn default() -> Self {
-        Self {
-            max_tilt_rad: Some(0.1),
-            inlier_m: 0.005,
-            draws: 500,
-            min_share: 0.08,
-        }
+        Self { max_tilt_rad: Some(0.1), inlier_m: 0.005, draws: 500, min_share: 0.08 }
     }
 }
 
@@ -91,15 +86,9 @@ pub fn fit_support_plane(
     let mut points = sample_points(frame, workspace);
     let all = points.clone();
     let enough = ((points.len() as f64 * settings.min_share) as usize).max(30);
-    let up = settings.max_tilt_rad.map(|tilt| {
-        (
-            frame
-                .world_from_camera
-                .inverse()
-                .transform_vector(&Vector3::z()),
-            tilt.cos(),
-        )
-    });
+    let up = settings
+        .max_tilt_rad
+        .map(|tilt| (frame.world_from_camera.inverse().transform_vector(&Vector3::z()), tilt.cos()));
     let mut rng = rng::stream(0, "support-plane");
     let mut best: Option<(Plane, usize)> = None;
     // The largest plane, then up to two more: the floor may be larger than the table.
@@ -125,9 +114,7 @@ pub fn fit_support_plane(
         points.retain(|p| plane.height(p).abs() > 3.0 * settings.inlier_m);
     }
     let (plane, _) = best?;
-    let close = all
-        .into_iter()
-        .filter(|p| plane.height(p).abs() < settings.inlier_m);
+    let close = all.into_iter().filter(|p| plane.height(p).abs() < settings.inlier_m);
     let footprint = Footprint::new(&plane.normal, close)?;
     Some(Support { plane, footprint })
 }
@@ -163,14 +150,7 @@ fn through(a: &Point3<f64>, b: &Point3<f64>, c: &Point3<f64>) -> Option<Plane> {
 
 fn facing_camera(normal: Unit<Vector3<f64>>, through: &Point3<f64>) -> Plane {
     let offset = -normal.dot(&through.coords);
-    if offset < 0.0 {
-        Plane {
-            normal: -normal,
-            offset: -offset,
-        }
-    } else {
-        Plane { normal, offset }
-    }
+    if offset < 0.0 { Plane { normal: -normal, offset: -offset } } else { Plane { normal, offset } }
 }
 
 fn ransac(
@@ -191,11 +171,8 @@ fn ransac(
         if up.is_some_and(|(up, cos)| plane.normal.dot(&up) < cos) {
             continue;
         }
-        let count = points
-            .iter()
-            .step_by(COUNT_STEP)
-            .filter(|p| plane.height(p).abs() < settings.inlier_m)
-            .count();
+        let count =
+            points.iter().step_by(COUNT_STEP).filter(|p| plane.height(p).abs() < settings.inlier_m).count();
         if best.is_none_or(|(_, most)| count > most) {
             best = Some((plane, count));
         }
@@ -217,13 +194,9 @@ fn refine(mut plane: Plane, points: &[Point3<f64>], inlier_m: f64) -> Plane {
             sum + d * d.transpose()
         });
         let eigen = covariance.symmetric_eigen();
-        let Some(normal) = Unit::try_new(
-            eigen
-                .eigenvectors
-                .column(eigen.eigenvalues.imin())
-                .into_owned(),
-            1e-9,
-        ) else {
+        let Some(normal) =
+            Unit::try_new(eigen.eigenvectors.column(eigen.eigenvalues.imin()).into_owned(), 1e-9)
+        else {
             break;
         };
         plane = facing_camera(normal, &Point3::from(mean));
@@ -261,32 +234,20 @@ mod tests {
                 let ray = iso * k.back_project(u as f64, v as f64, 1.0).coords;
                 let hit = |height: f64| (height - 1.2) / ray.z;
                 let table = hit(0.7);
-                let z = if table > 0.0 && table * ray.x < table_end {
-                    table
-                } else {
-                    hit(0.0)
-                };
+                let z = if table > 0.0 && table * ray.x < table_end { table } else { hit(0.0) };
                 if z > 0.0 && z < 4.0 && rng.random::<f64>() > 0.1 {
                     *depth.at_mut(u, v) = (z + noise * (rng.random::<f64>() - 0.5)) as f32;
                 }
             }
         }
-        CameraFrame {
-            rgb: RgbImage::new(640, 480),
-            depth,
-            intrinsics: k,
-            world_from_camera: Pose::new(iso),
-        }
+        CameraFrame { rgb: RgbImage::new(640, 480), depth, intrinsics: k, world_from_camera: Pose::new(iso) }
     }
 
     #[test]
     fn finds_a_noisy_table_to_the_millimetre() {
         for (down, seen) in [(0.8, Some(0.1)), (0.95, None)] {
             let frame = frame(down, 3.0, 0.008);
-            let settings = PlaneSettings {
-                max_tilt_rad: seen,
-                ..Default::default()
-            };
+            let settings = PlaneSettings { max_tilt_rad: seen, ..Default::default() };
             let plane = fit_support_plane(&frame, &settings, None).unwrap().plane;
             assert!((plane.offset - 0.5).abs() < 0.001, "{plane:?}");
             let up = frame.world_from_camera.transform_vector(&plane.normal);
@@ -297,9 +258,7 @@ mod tests {
     #[test]
     fn prefers_the_table_to_a_larger_floor() {
         let frame = frame(0.75, 0.5, 0.004);
-        let plane = fit_support_plane(&frame, &PlaneSettings::default(), None)
-            .unwrap()
-            .plane;
+        let plane = fit_support_plane(&frame, &PlaneSettings::default(), None).unwrap().plane;
         assert!((plane.offset - 0.5).abs() < 0.002, "{plane:?}");
     }
 

@@ -1,4 +1,5 @@
 //! One real frame of YCB-Video: five objects on a table, depth of a real structured-light camera.
+#![allow(clippy::unwrap_used, clippy::print_stdout)]
 
 mod common;
 
@@ -6,8 +7,8 @@ use std::path::Path;
 use std::sync::Arc;
 
 use grip_perception::{
-    ClusterSettings, Clusters, Detection, Detections, Detector, GripEstimator, GripSettings,
-    PlaneSettings, PoseEstimator,
+    ClusterSettings, Clusters, Detection, Detections, Detector, GripEstimator, GripSettings, PlaneSettings,
+    PoseEstimator,
 };
 use grip_sim::camera::Intrinsics;
 use grip_sim::frame::CameraFrame;
@@ -33,18 +34,11 @@ fn load(root: &Path) -> Real {
     let camera = &json("scene_camera.json")["1"];
     let k = |i: usize| camera["cam_K"][i].as_f64().unwrap();
     let to_metres = camera["depth_scale"].as_f64().unwrap() * 1e-3;
-    let depth = image::open(scene.join("depth/000001.png"))
-        .unwrap()
-        .into_luma16();
+    let depth = image::open(scene.join("depth/000001.png")).unwrap().into_luma16();
     let (w, h) = depth.dimensions();
-    let data = depth
-        .pixels()
-        .map(|p| (f64::from(p.0[0]) * to_metres) as f32)
-        .collect();
+    let data = depth.pixels().map(|p| (f64::from(p.0[0]) * to_metres) as f32).collect();
     let frame = CameraFrame {
-        rgb: image::open(scene.join("rgb/000001.png"))
-            .unwrap()
-            .into_rgb8(),
+        rgb: image::open(scene.join("rgb/000001.png")).unwrap().into_rgb8(),
         depth: DepthImage::from_vec(w as usize, h as usize, data).unwrap(),
         intrinsics: Intrinsics {
             width: w as usize,
@@ -57,36 +51,22 @@ fn load(root: &Path) -> Real {
         // The data set does not tell the camera's pose in the world.
         world_from_camera: Pose::identity(),
     };
-    let mut real = Real {
-        frame,
-        objects: vec![],
-        truth: vec![],
-    };
+    let mut real = Real { frame, objects: vec![], truth: vec![] };
     for gt in json("scene_gt.json")["1"].as_array().unwrap() {
         let number = |key: &str, i: usize| gt[key][i].as_f64().unwrap();
         let rotation = Matrix3::from_fn(|i, j| number("cam_R_m2c", 3 * i + j));
-        let t = Translation3::new(
-            number("cam_t_m2c", 0),
-            number("cam_t_m2c", 1),
-            number("cam_t_m2c", 2),
-        );
+        let t = Translation3::new(number("cam_t_m2c", 0), number("cam_t_m2c", 1), number("cam_t_m2c", 2));
         let t = Translation3::from(t.vector * 1e-3);
         let q = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(rotation));
         real.truth.push(Pose::new(Isometry3::from_parts(t, q)));
-        real.objects.push(common::bop_object(
-            &root.join("models"),
-            gt["obj_id"].as_u64().unwrap() as usize,
-        ));
+        real.objects.push(common::bop_object(&root.join("models"), gt["obj_id"].as_u64().unwrap() as usize));
     }
     real
 }
 
 /// No world pose: the plane is whatever is largest.
 fn plane() -> PlaneSettings {
-    PlaneSettings {
-        max_tilt_rad: None,
-        ..Default::default()
-    }
+    PlaneSettings { max_tilt_rad: None, ..Default::default() }
 }
 
 /// The box of the true pose jittered by 5 % of its sides, and the boxes of the other four as false ones: what a
@@ -100,11 +80,7 @@ fn truth_boxes(real: &Real, seed: u64) -> Detections {
         .map(|(o, t)| {
             let mut b = [f64::MAX, f64::MAX, f64::MIN, f64::MIN];
             for p in &o.visual.mesh.positions {
-                let q = real
-                    .frame
-                    .intrinsics
-                    .project(&t.transform_point(&p.cast()))
-                    .unwrap();
+                let q = real.frame.intrinsics.project(&t.transform_point(&p.cast())).unwrap();
                 b = [b[0].min(q.x), b[1].min(q.y), b[2].max(q.x), b[3].max(q.y)];
             }
             b
@@ -115,33 +91,18 @@ fn truth_boxes(real: &Real, seed: u64) -> Detections {
         for (j, b) in boxes.iter().enumerate() {
             let mut jitter = |x: f64, side: f64| x + 0.1 * (rng.random::<f64>() - 0.5) * side;
             let (w, h) = (b[2] - b[0], b[3] - b[1]);
-            let bbox = [
-                jitter(b[0], w),
-                jitter(b[1], h),
-                jitter(b[2], w),
-                jitter(b[3], h),
-            ];
+            let bbox = [jitter(b[0], w), jitter(b[1], h), jitter(b[2], w), jitter(b[3], h)];
             let confidence = if i == j { 0.6 } else { 0.1 };
-            detections
-                .push(&object.info.name, Detection { bbox, confidence })
-                .unwrap();
+            detections.push(&object.info.name, Detection { bbox, confidence }).unwrap();
         }
     }
     detections
 }
 
 /// Errors (ADD-S, metres) of the five objects, printed.
-fn run(
-    real: &Real,
-    detections: &Detections,
-    settings: GripSettings,
-    seed: u64,
-    label: &str,
-) -> Vec<f64> {
+fn run(real: &Real, detections: &Detections, settings: GripSettings, seed: u64, label: &str) -> Vec<f64> {
     let estimator = GripEstimator::new(settings).unwrap();
-    let found = estimator
-        .estimate(&real.frame, detections, &real.objects, seed)
-        .unwrap();
+    let found = estimator.estimate(&real.frame, detections, &real.objects, seed).unwrap();
     println!("boxes: {label}, seed {seed}");
     found
         .iter()
@@ -168,10 +129,7 @@ fn check(errors: &[f64]) {
 }
 
 fn settings() -> GripSettings {
-    GripSettings {
-        plane: Some(plane()),
-        ..GripSettings::default()
-    }
+    GripSettings { plane: Some(plane()), ..GripSettings::default() }
 }
 
 #[test]
@@ -181,15 +139,9 @@ fn finds_real_objects_from_depth_clusters() {
         return;
     };
     let real = load(&root);
-    let clusters = Clusters::new(ClusterSettings {
-        plane: plane(),
-        ..Default::default()
-    });
+    let clusters = Clusters::new(ClusterSettings { plane: plane(), ..Default::default() });
     let detections = clusters.detect(&real.frame, &real.objects).unwrap();
-    println!(
-        "{} clusters",
-        detections.of(&real.objects[0].info.name).len()
-    );
+    println!("{} clusters", detections.of(&real.objects[0].info.name).len());
     check(&run(&real, &detections, settings(), 1, "clusters"));
 }
 
@@ -200,13 +152,7 @@ fn finds_real_objects_from_mediocre_boxes() {
         return;
     };
     let real = load(&root);
-    check(&run(
-        &real,
-        &truth_boxes(&real, 1),
-        settings(),
-        1,
-        "true ones jittered 5 % and four false",
-    ));
+    check(&run(&real, &truth_boxes(&real, 1), settings(), 1, "true ones jittered 5 % and four false"));
 }
 
 /// Figures over seeds, for people. `cargo test --release -p grip-perception --test real_frame -- --ignored --nocapture`;
@@ -226,30 +172,19 @@ fn over_seeds() {
         value[key] = x.clone();
     }
     let settings: GripSettings = serde_json::from_value(value).unwrap();
-    let clusters = Clusters::new(ClusterSettings {
-        plane: plane(),
-        ..Default::default()
-    });
+    let clusters = Clusters::new(ClusterSettings { plane: plane(), ..Default::default() });
     let clustered = clusters.detect(&real.frame, &real.objects).unwrap();
     let mut good = [0usize; 2];
     let seeds = 6;
     for seed in 0..seeds {
-        for (which, (detections, label)) in [
-            (clustered.clone(), "clusters"),
-            (truth_boxes(&real, seed), "jittered truth"),
-        ]
-        .into_iter()
-        .enumerate()
+        for (which, (detections, label)) in
+            [(clustered.clone(), "clusters"), (truth_boxes(&real, seed), "jittered truth")]
+                .into_iter()
+                .enumerate()
         {
             let errors = run(&real, &detections, settings.clone(), seed, label);
             good[which] += errors.iter().filter(|e| **e < 0.01).count();
         }
     }
-    println!(
-        "under 1 cm: clusters {}/{}, jittered truth {}/{}",
-        good[0],
-        5 * seeds,
-        good[1],
-        5 * seeds
-    );
+    println!("under 1 cm: clusters {}/{}, jittered truth {}/{}", good[0], 5 * seeds, good[1], 5 * seeds);
 }

@@ -1,4 +1,5 @@
 //! The whole second stage on noisy synthetic frames: boxes and cans on a table before a Fetch-like camera.
+#![allow(clippy::unwrap_used, clippy::print_stdout)]
 
 mod common;
 
@@ -28,13 +29,9 @@ fn estimate(
     asked: &[Arc<ObjectModel>],
     seed: u64,
 ) -> Vec<PosePosterior> {
-    let pool = rayon::ThreadPoolBuilder::new()
-        .num_threads(threads)
-        .build()
-        .unwrap();
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
     let estimator = GripEstimator::default();
-    pool.install(|| estimator.estimate(&scene.frame, detections, asked, seed))
-        .unwrap()
+    pool.install(|| estimator.estimate(&scene.frame, detections, asked, seed)).unwrap()
 }
 
 #[test]
@@ -60,32 +57,15 @@ fn finds_groceries_to_five_millimetres_and_tells_present_from_absent() {
             all += 1;
             if error < 0.005 {
                 good += 1;
-                assert!(
-                    p.confidence > 0.5,
-                    "{}: confidence {}",
-                    p.object,
-                    p.confidence
-                );
-                assert!(
-                    p.position_std_m < 0.02,
-                    "{}: {} m",
-                    p.object,
-                    p.position_std_m
-                );
+                assert!(p.confidence > 0.5, "{}: confidence {}", p.object, p.confidence);
+                assert!(p.position_std_m < 0.02, "{}: {} m", p.object, p.position_std_m);
             }
             let sum: f64 = p.particles.iter().map(|(_, w)| w).sum();
             assert!((sum - 1.0).abs() < 1e-9);
         }
         let p = &found[scene.placed.len()];
-        println!(
-            "{seed} absent: score {:.3} confidence {:.2}",
-            p.score, p.confidence
-        );
-        assert!(
-            p.confidence < 0.2,
-            "absent, but confidence {}",
-            p.confidence
-        );
+        println!("{seed} absent: score {:.3} confidence {:.2}", p.score, p.confidence);
+        assert!(p.confidence < 0.2, "absent, but confidence {}", p.confidence);
     }
     assert!(good * 10 >= all * 9, "{good} of {all} under 5 mm");
 }
@@ -110,19 +90,12 @@ fn the_same_bits_whatever_the_number_of_threads() {
 #[test]
 fn two_of_a_kind_are_two_places() {
     let can = common::can_object("soup can", 0.034, 0.102);
-    let scene = common::scene(
-        &[can.clone(), can.clone()],
-        0.05,
-        &mut rng::stream(4, "synthetic"),
-    );
+    let scene = common::scene(&[can.clone(), can.clone()], 0.05, &mut rng::stream(4, "synthetic"));
     let asked = [can.clone(), can.clone()];
     let detections = Clusters::default().detect(&scene.frame, &asked).unwrap();
     let found = estimate(2, &scene, &detections, &asked, 1);
     for (_, truth) in &scene.placed {
-        let nearest = found
-            .iter()
-            .map(|p| common::adds(&can, truth, &p.best))
-            .fold(f64::MAX, f64::min);
+        let nearest = found.iter().map(|p| common::adds(&can, truth, &p.best)).fold(f64::MAX, f64::min);
         assert!(nearest < 0.005, "nearest estimate {nearest}");
     }
 }
@@ -140,27 +113,17 @@ fn no_detector_at_all_still_finds_a_lone_box() {
 #[test]
 fn bad_input_is_named() {
     let can = common::can_object("soup can", 0.034, 0.102);
-    let mut scene = common::scene(&[can.clone()], 0.05, &mut rng::stream(4, "synthetic"));
+    let mut scene = common::scene(std::slice::from_ref(&can), 0.05, &mut rng::stream(4, "synthetic"));
     let estimator = GripEstimator::default();
     let none = Detections::new();
     let empty = common::object("ghost", vec![], vec![]);
-    let error = estimator
-        .estimate(&scene.frame, &none, &[empty], 0)
-        .unwrap_err();
-    assert!(
-        error.to_string().contains("ghost") && error.to_string().contains("no triangles"),
-        "{error}"
-    );
+    let error = estimator.estimate(&scene.frame, &none, &[empty], 0).unwrap_err();
+    assert!(error.to_string().contains("ghost") && error.to_string().contains("no triangles"), "{error}");
     scene.frame.depth.data_mut().fill(0.0);
-    let error = estimator
-        .estimate(&scene.frame, &none, &[can.clone()], 0)
-        .unwrap_err();
+    let error = estimator.estimate(&scene.frame, &none, std::slice::from_ref(&can), 0).unwrap_err();
     assert!(matches!(error, Error::Frame(_)), "{error}");
     assert!(Clusters::default().detect(&scene.frame, &[can]).is_err());
-    let settings = GripSettings {
-        epsilon_m: f64::NAN,
-        ..Default::default()
-    };
+    let settings = GripSettings { epsilon_m: f64::NAN, ..Default::default() };
     let error = GripEstimator::new(settings).unwrap_err();
     assert!(error.to_string().contains("epsilon_m"), "{error}");
 }
@@ -169,7 +132,7 @@ fn bad_input_is_named() {
 fn a_frame_of_garbage_gives_posteriors_without_confidence() {
     use rand::RngExt;
     let can = common::can_object("soup can", 0.034, 0.102);
-    let mut scene = common::scene(&[can.clone()], 0.05, &mut rng::stream(4, "synthetic"));
+    let mut scene = common::scene(std::slice::from_ref(&can), 0.05, &mut rng::stream(4, "synthetic"));
     let mut rng = rng::stream(9, "garbage");
     for z in scene.frame.depth.data_mut() {
         *z = match rng.random_range(0..6) {
@@ -180,19 +143,7 @@ fn a_frame_of_garbage_gives_posteriors_without_confidence() {
         };
     }
     let mut detections = Detections::new();
-    detections
-        .push(
-            "soup can",
-            Detection {
-                bbox: [-1e9, -50.0, 1e9, 1e9],
-                confidence: 1.0,
-            },
-        )
-        .unwrap();
+    detections.push("soup can", Detection { bbox: [-1e9, -50.0, 1e9, 1e9], confidence: 1.0 }).unwrap();
     let found = estimate(2, &scene, &detections, &[can], 0);
-    assert!(
-        found[0].best.is_finite() && found[0].confidence < 0.1,
-        "{:?}",
-        found[0].confidence
-    );
+    assert!(found[0].best.is_finite() && found[0].confidence < 0.1, "{:?}", found[0].confidence);
 }

@@ -14,11 +14,7 @@ const KERNEL: f32 = 2.0;
 
 /// Marks the pixels (of the padded level with stride 2) that a posed object explains: rendered there, and where the
 /// reading is.
-pub(crate) fn explained(
-    model: &Model,
-    pose: &Isometry3<f32>,
-    observation: &Observation,
-) -> Vec<bool> {
+pub(crate) fn explained(model: &Model, pose: &Isometry3<f32>, observation: &Observation) -> Vec<bool> {
     let level = observation.level(STRIDE);
     let mut marks = vec![false; level.w.len()];
     let mut raster = Raster::default();
@@ -42,11 +38,7 @@ pub(crate) fn overlap(a: &[bool], b: &[bool]) -> f64 {
     let count = |m: &[bool]| m.iter().filter(|x| **x).count();
     let both = a.iter().zip(b).filter(|(x, y)| **x && **y).count();
     let smaller = count(a).min(count(b));
-    if smaller == 0 {
-        0.0
-    } else {
-        both as f64 / smaller as f64
-    }
+    if smaller == 0 { 0.0 } else { both as f64 / smaller as f64 }
 }
 
 /// Adds the marks of `b`, grown by one pixel, to `a`: the rim of an object is explained by it, too.

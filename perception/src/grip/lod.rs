@@ -1,6 +1,6 @@
 //! Models prepared for rendering many hypotheses: simplified meshes, extreme points, resting orientations.
 
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, PoisonError};
 
 use grip_sim::objects::ObjectModel;
 use meshopt::SimplifyOptions;
@@ -42,10 +42,7 @@ impl Model {
     /// Prepares an object's mesh at each of the given numbers of triangles.
     pub fn new(object: &ObjectModel, triangle_counts: &[usize]) -> Result<Self> {
         let name = object.info.name.clone();
-        let fail = |message: &str| Error::Object {
-            object: name.clone(),
-            message: message.to_owned(),
-        };
+        let fail = |message: &str| Error::Object { object: name.clone(), message: message.to_owned() };
         let mesh = &object.visual.mesh;
         let (positions, triangles) = weld(&mesh.positions, &mesh.triangles).ok_or_else(|| {
             fail("a triangle names a vertex that the mesh does not have; check the model file")
@@ -54,9 +51,7 @@ impl Model {
             return Err(fail("a vertex is not finite; check the model file"));
         }
         if triangles.is_empty() {
-            return Err(fail(
-                "the mesh has no triangles; load a model with a surface",
-            ));
+            return Err(fail("the mesh has no triangles; load a model with a surface"));
         }
         let mut counts = triangle_counts.to_vec();
         counts.sort_unstable();
@@ -76,14 +71,7 @@ impl Model {
         }
         let centroid = volume_centroid(&positions, &triangles);
         let resting = resting_orientations(&hull, centroid);
-        Ok(Self {
-            name,
-            lods,
-            hull,
-            outline,
-            radius,
-            resting,
-        })
+        Ok(Self { name, lods, hull, outline, radius, resting })
     }
 
     /// The coarsest mesh of at least `triangles`.
@@ -93,12 +81,12 @@ impl Model {
     }
 }
 
+/// Vertex positions and vertex indices of triangles.
+type Indexed = (Vec<[f32; 3]>, Vec<[u32; 3]>);
+
 /// Merges vertices of equal position (texture seams split them) and drops degenerate triangles; `None` for an index
 /// out of range.
-fn weld(
-    positions: &[Point3<f32>],
-    triangles: &[[u32; 3]],
-) -> Option<(Vec<[f32; 3]>, Vec<[u32; 3]>)> {
+fn weld(positions: &[Point3<f32>], triangles: &[[u32; 3]]) -> Option<Indexed> {
     // Adding zero makes -0.0 and 0.0 the same bits.
     let key = |i: usize| positions[i].coords.map(|x| (x + 0.0).to_bits());
     let mut order: Vec<usize> = (0..positions.len()).collect();
@@ -174,10 +162,7 @@ fn simplify(positions: &[[f32; 3]], triangles: &[[u32; 3]], count: usize) -> Lod
             out
         })
     };
-    Lod {
-        blocks: used.chunks(LANES).map(block).collect(),
-        triangles: faces,
-    }
+    Lod { blocks: used.chunks(LANES).map(block).collect(), triangles: faces }
 }
 
 fn signed_volume(positions: &[[f32; 3]], faces: &[[u32; 3]]) -> f32 {
@@ -200,14 +185,8 @@ fn volume_centroid(positions: &[[f32; 3]], faces: &[[u32; 3]]) -> Vector3<f32> {
         sum += (a + b + c) * (v / 4.0);
     }
     let centroid = sum / volume;
-    let reach = positions
-        .iter()
-        .flatten()
-        .fold(0.0f32, |r, x| r.max(x.abs()));
-    if centroid
-        .iter()
-        .all(|x| x.is_finite() && x.abs() < f64::from(reach))
-    {
+    let reach = positions.iter().flatten().fold(0.0f32, |r, x| r.max(x.abs()));
+    if centroid.iter().all(|x| x.is_finite() && x.abs() < f64::from(reach)) {
         centroid.cast()
     } else {
         Vector3::zeros()
@@ -221,10 +200,7 @@ fn sort_by_normal(positions: &[[f32; 3]], faces: &mut [[u32; 3]], depth: usize) 
     }
     let normal = |f: &[u32; 3]| {
         let [a, b, c] = f.map(|i| Vector3::from(positions[i as usize]));
-        (b - a)
-            .cross(&(c - a))
-            .try_normalize(0.0)
-            .unwrap_or_else(Vector3::zeros)
+        (b - a).cross(&(c - a)).try_normalize(0.0).unwrap_or_else(Vector3::zeros)
     };
     let n = faces.len() as f32;
     let mean = faces.iter().fold(Vector3::zeros(), |s, f| s + normal(f)) / n;
@@ -253,27 +229,21 @@ pub(crate) fn directions(count: usize) -> impl Iterator<Item = Vector3<f32>> {
 /// The points that are farthest in some direction.
 fn extreme_points(points: &[Vector3<f32>], count: usize) -> Vec<Vector3<f32>> {
     let mut kept: Vec<usize> = directions(count)
-        .chain([
-            Vector3::x(),
-            Vector3::y(),
-            Vector3::z(),
-            -Vector3::x(),
-            -Vector3::y(),
-            -Vector3::z(),
-        ])
-        .filter_map(|d| {
-            (0..points.len()).max_by(|&a, &b| points[a].dot(&d).total_cmp(&points[b].dot(&d)))
-        })
+        .chain([Vector3::x(), Vector3::y(), Vector3::z(), -Vector3::x(), -Vector3::y(), -Vector3::z()])
+        .filter_map(|d| (0..points.len()).max_by(|&a, &b| points[a].dot(&d).total_cmp(&points[b].dot(&d))))
         .collect();
     kept.sort_unstable();
     kept.dedup();
     kept.into_iter().map(|i| points[i]).collect()
 }
 
+/// An object, the numbers of triangles asked for, and what was made of it.
+type Entry = (Arc<ObjectModel>, Vec<usize>, Arc<Model>);
+
 /// Prepared models by object, so that a trial simplifies each mesh once.
 #[derive(Debug, Default)]
 pub(crate) struct ModelCache {
-    entries: std::sync::Mutex<Vec<(Arc<ObjectModel>, Vec<usize>, Arc<Model>)>>,
+    entries: Mutex<Vec<Entry>>,
 }
 
 /// More objects than a session has; beyond it the oldest goes.
@@ -282,15 +252,9 @@ const CACHE_SIZE: usize = 64;
 impl ModelCache {
     /// The prepared model of `object`, made now if it was not before.
     pub fn get(&self, object: &Arc<ObjectModel>, counts: &[usize]) -> Result<Arc<Model>> {
-        let lock = || {
-            self.entries
-                .lock()
-                .unwrap_or_else(std::sync::PoisonError::into_inner)
-        };
-        let found = lock()
-            .iter()
-            .find(|(o, c, _)| Arc::ptr_eq(o, object) && c == counts)
-            .map(|(_, _, m)| m.clone());
+        let lock = || self.entries.lock().unwrap_or_else(PoisonError::into_inner);
+        let found =
+            lock().iter().find(|(o, c, _)| Arc::ptr_eq(o, object) && c == counts).map(|(_, _, m)| m.clone());
         if let Some(model) = found {
             return Ok(model);
         }

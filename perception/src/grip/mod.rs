@@ -65,10 +65,7 @@ impl GripEstimator {
     /// [`crate::Error::Setting`] for a value out of range.
     pub fn new(settings: GripSettings) -> Result<Self> {
         settings.check()?;
-        Ok(Self {
-            settings,
-            models: ModelCache::default(),
-        })
+        Ok(Self { settings, models: ModelCache::default() })
     }
 
     /// The settings in use.
@@ -107,17 +104,12 @@ impl PoseEstimator for GripEstimator {
         check_frame(frame)?;
         let mut counts: Vec<usize> = self.settings.levels.iter().map(|l| l.triangles).collect();
         counts.extend(EXTRA_TRIANGLES);
-        let models: Vec<Arc<Model>> = objects
-            .par_iter()
-            .map(|object| self.models.get(object, &counts))
-            .collect::<Result<_>>()?;
+        let models: Vec<Arc<Model>> =
+            objects.par_iter().map(|object| self.models.get(object, &counts)).collect::<Result<_>>()?;
         let observation = Observation::new(frame, &self.settings);
         // Two of the same kind draw from two streams, or they would be the same search.
         let stream = |i: usize| {
-            let before = models[..i]
-                .iter()
-                .filter(|m| m.name == models[i].name)
-                .count();
+            let before = models[..i].iter().filter(|m| m.name == models[i].name).count();
             format!("grip/{}/{before}", models[i].name)
         };
         let mut results: Vec<(Option<Found>, f64)> = (0..models.len())
@@ -125,13 +117,7 @@ impl PoseEstimator for GripEstimator {
             .map(|i| self.search(&models[i], &observation, detections, seed, &stream(i)))
             .collect();
         self.settle_conflicts(&models, &observation, &mut results, |i, seen| {
-            self.search(
-                &models[i],
-                seen,
-                detections,
-                seed,
-                &format!("{}/again", stream(i)),
-            )
+            self.search(&models[i], seen, detections, seed, &format!("{}/again", stream(i)))
         });
         Ok(models
             .iter()
@@ -153,20 +139,14 @@ impl GripEstimator {
     ) {
         let score = |r: &(Option<Found>, f64)| r.0.as_ref().map_or(0.0, |f| f.best.score);
         let mut order: Vec<usize> = (0..results.len()).collect();
-        order.sort_by(|&a, &b| {
-            score(&results[b])
-                .total_cmp(&score(&results[a]))
-                .then(a.cmp(&b))
-        });
+        order.sort_by(|&a, &b| score(&results[b]).total_cmp(&score(&results[a])).then(a.cmp(&b)));
         let pitch = observation.level(2).pitch;
         let mut claims: Vec<Vec<bool>> = Vec::new();
         let mut taken = vec![false; observation.level(2).w.len()];
         for i in order {
             let Some(found) = &results[i].0 else { continue };
             let mut mine = joint::explained(&models[i], &found.best.pose, observation);
-            let conflict = claims
-                .iter()
-                .any(|c| joint::overlap(c, &mine) > self.settings.conflict_share);
+            let conflict = claims.iter().any(|c| joint::overlap(c, &mine) > self.settings.conflict_share);
             if conflict && found.best.score > self.settings.hopeless_score {
                 let rest = observation.without(&taken);
                 let (second, seconds) = again(i, &rest);
@@ -185,12 +165,7 @@ impl GripEstimator {
 }
 
 /// Weights, spreads and confidence of what a search found.
-fn posterior(
-    model: &Model,
-    found: Option<Found>,
-    seconds: f64,
-    settings: &GripSettings,
-) -> PosePosterior {
+fn posterior(model: &Model, found: Option<Found>, seconds: f64, settings: &GripSettings) -> PosePosterior {
     let Some(found) = found else {
         // No hypothesis could be drawn, so nothing is known: a point at the camera with no confidence.
         return PosePosterior {
@@ -209,14 +184,9 @@ fn posterior(
     let weights = weights(&found.population, settings.posterior_temperature);
     let (position_std_m, rotation_std_rad) = spread(model, &found, &weights);
     let score = f64::from(found.best.score);
-    let presence =
-        1.0 / (1.0 + (-(score - settings.presence_score) / settings.presence_scale).exp());
+    let presence = 1.0 / (1.0 + (-(score - settings.presence_score) / settings.presence_scale).exp());
     // One restart that nobody confirms is worth half.
-    let agreement = if found.agreeing >= 2 || settings.max_restarts == 1 {
-        1.0
-    } else {
-        0.5
-    };
+    let agreement = if found.agreeing >= 2 || settings.max_restarts == 1 { 1.0 } else { 0.5 };
     let typed = |h: &Hypothesis| Pose::new(widened(&h.pose));
     PosePosterior {
         object: model.name.clone(),
@@ -234,35 +204,19 @@ fn posterior(
 
 fn weights(population: &[Hypothesis], temperature: f64) -> Vec<f64> {
     let best = population.iter().map(|h| h.score).fold(f32::MIN, f32::max);
-    let raw: Vec<f64> = population
-        .iter()
-        .map(|h| (f64::from(h.score - best) / temperature).exp())
-        .collect();
+    let raw: Vec<f64> = population.iter().map(|h| (f64::from(h.score - best) / temperature).exp()).collect();
     let sum: f64 = raw.iter().sum();
     raw.iter().map(|w| w / sum).collect()
 }
 
 fn spread(model: &Model, found: &Found, weights: &[f64]) -> (f64, f64) {
-    let positions = || {
-        found
-            .population
-            .iter()
-            .map(|h| h.pose.translation.vector.cast::<f64>())
-    };
-    let mean = positions()
-        .zip(weights)
-        .fold(Vector3::zeros(), |m, (p, w)| m + p * *w);
-    let variance: f64 = positions()
-        .zip(weights)
-        .map(|(p, w)| w * (p - mean).norm_squared())
-        .sum();
-    let only_turned = |pose: &Isometry3<f32>| {
-        Isometry3::from_parts(nalgebra::Translation3::identity(), pose.rotation)
-    };
+    let positions = || found.population.iter().map(|h| h.pose.translation.vector.cast::<f64>());
+    let mean = positions().zip(weights).fold(Vector3::zeros(), |m, (p, w)| m + p * *w);
+    let variance: f64 = positions().zip(weights).map(|(p, w)| w * (p - mean).norm_squared()).sum();
+    let only_turned =
+        |pose: &Isometry3<f32>| Isometry3::from_parts(nalgebra::Translation3::identity(), pose.rotation);
     let reference = only_turned(&found.best.pose);
-    let base: Vec<f32> = directions(SPREAD_DIRECTIONS)
-        .map(|d| reach(&model.hull, &reference, &d))
-        .collect();
+    let base: Vec<f32> = directions(SPREAD_DIRECTIONS).map(|d| reach(&model.hull, &reference, &d)).collect();
     let mut change = 0.0;
     for (h, w) in found.population.iter().zip(weights) {
         let turned = only_turned(&h.pose);

@@ -63,20 +63,12 @@ pub(crate) struct Observation {
 impl Observation {
     /// Prepares a frame.
     pub fn new(frame: &CameraFrame, settings: &GripSettings) -> Self {
-        let support = settings
-            .plane
-            .as_ref()
-            .and_then(|p| fit_support_plane(frame, p, settings.workspace.as_ref()));
+        let support =
+            settings.plane.as_ref().and_then(|p| fit_support_plane(frame, p, settings.workspace.as_ref()));
         let edges = near_edges(frame, settings.edge_jump_m as f32);
-        let levels = STRIDES
-            .iter()
-            .map(|&stride| level(frame, stride, support.as_ref(), &edges, settings))
-            .collect();
-        Self {
-            levels,
-            plane: support.map(|s| s.plane),
-            intrinsics: frame.intrinsics,
-        }
+        let levels =
+            STRIDES.iter().map(|&stride| level(frame, stride, support.as_ref(), &edges, settings)).collect();
+        Self { levels, plane: support.map(|s| s.plane), intrinsics: frame.intrinsics }
     }
 
     /// The level of a stride that is one of [`STRIDES`].
@@ -93,9 +85,7 @@ impl Observation {
             for v in 0..level.height {
                 for u in 0..level.width {
                     let at = |u: usize, v: usize| {
-                        u < marks.width
-                            && v < marks.height
-                            && explained[marks.index(u as i32, v as i32)]
+                        u < marks.width && v < marks.height && explained[marks.index(u as i32, v as i32)]
                     };
                     let taken = match level.stride {
                         1 => at(u / 2, v / 2),
@@ -147,10 +137,7 @@ fn level(
     // Height over the plane of the point with ray (x, y, 1) and inverse depth w is (n . ray + w offset) / w.
     let (n, offset) = support.map_or(([0.0; 3], 0.0), |s| {
         let p = &s.plane;
-        (
-            [p.normal.x as f32, p.normal.y as f32, p.normal.z as f32],
-            p.offset as f32,
-        )
+        ([p.normal.x as f32, p.normal.y as f32, p.normal.z as f32], p.offset as f32)
     });
     let band = settings.plane_band_m as f32;
     let mut near = vec![false; size];
@@ -158,9 +145,8 @@ fn level(
         let y = (v as f32 - level.cy) / level.fy;
         for u in 0..width {
             let i = level.index(u as i32, v as i32);
-            near[i] = (0..stride).any(|dv| {
-                (0..stride).any(|du| edges[(v * stride + dv) * k.width + u * stride + du])
-            });
+            near[i] = (0..stride)
+                .any(|dv| (0..stride).any(|du| edges[(v * stride + dv) * k.width + u * stride + du]));
             let Some(w) = block_mean(frame, u * stride, v * stride, stride) else {
                 continue;
             };
@@ -210,11 +196,7 @@ fn block_mean(frame: &CameraFrame, u0: usize, v0: usize, stride: usize) -> Optio
         return None;
     }
     let (mut sums, mut counts) = ([0.0f32; 2], [0u32; 2]);
-    let split = if far - near < BLOCK_SPREAD {
-        f32::MAX
-    } else {
-        0.5 * (near + far)
-    };
+    let split = if far - near < BLOCK_SPREAD { f32::MAX } else { 0.5 * (near + far) };
     for row in rows() {
         for &z in row {
             if is_reading(z) {
@@ -230,11 +212,7 @@ fn block_mean(frame: &CameraFrame, u0: usize, v0: usize, stride: usize) -> Optio
 
 /// Pixels at full resolution with a reading whose next reading to some side is farther by the jump.
 fn near_edges(frame: &CameraFrame, jump: f32) -> Vec<bool> {
-    let (depth, width, height) = (
-        frame.depth.data(),
-        frame.intrinsics.width,
-        frame.intrinsics.height,
-    );
+    let (depth, width, height) = (frame.depth.data(), frame.intrinsics.width, frame.intrinsics.height);
     let mut edges = vec![false; depth.len()];
     let mut sweep = |start: usize, step: usize, count: usize| {
         let mut last: Option<(usize, usize)> = None;
@@ -269,10 +247,7 @@ fn soft_distance(marked: &[bool], pitch: usize, sigma: f32) -> Vec<f32> {
     let rows = marked.len() / pitch;
     // Squared distance along the row, by a sweep each way.
     let mut along = vec![far * far; marked.len()];
-    for (row, out) in marked
-        .chunks_exact(pitch)
-        .zip(along.chunks_exact_mut(pitch))
-    {
+    for (row, out) in marked.chunks_exact(pitch).zip(along.chunks_exact_mut(pitch)) {
         let mut d = far;
         for (m, o) in row.iter().zip(out.iter_mut()) {
             d = if *m { 0.0 } else { (d + 1.0).min(far) };
@@ -298,11 +273,7 @@ fn soft_distance(marked: &[bool], pitch: usize, sigma: f32) -> Vec<f32> {
     // Most pixels are far from any edge: spare them the exponential.
     let scale = -0.5 / (sigma * sigma);
     for b in &mut best {
-        *b = if *b >= far * far {
-            0.0
-        } else {
-            (*b * scale).exp()
-        };
+        *b = if *b >= far * far { 0.0 } else { (*b * scale).exp() };
     }
     best
 }
@@ -339,13 +310,7 @@ mod tests {
             (8..12, 0..4) => 0.5,
             _ => 0.0,
         });
-        let observation = Observation::new(
-            &frame,
-            &GripSettings {
-                plane: None,
-                ..Default::default()
-            },
-        );
+        let observation = Observation::new(&frame, &GripSettings { plane: None, ..Default::default() });
         let level = observation.level(4);
         let at = |u| level.w[level.index(u, 0)];
         assert_eq!([at(0), at(1), at(2)], [1.0, 0.0, 2.0]);
@@ -369,13 +334,7 @@ mod tests {
         let row = &edges[640 * 7..640 * 8];
         let marked: Vec<usize> = (0..640).filter(|&u| row[u]).collect();
         assert_eq!(marked, [99]);
-        let observation = Observation::new(
-            &frame,
-            &GripSettings {
-                plane: None,
-                ..Default::default()
-            },
-        );
+        let observation = Observation::new(&frame, &GripSettings { plane: None, ..Default::default() });
         let one = observation.level(1);
         assert_eq!(one.edge[one.index(99, 9)], 1.0);
         let expected = (-0.5f32 * (2.0f32 / 1.5).powi(2)).exp();

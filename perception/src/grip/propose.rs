@@ -35,15 +35,8 @@ pub(crate) struct BoxPrior {
 /// The boxes of one object with the observed points in each. Without any box the whole image is one.
 pub(crate) fn box_priors(detections: &[Detection], observation: &Observation) -> Vec<BoxPrior> {
     let k = &observation.intrinsics;
-    let whole = Detection {
-        bbox: [0.0, 0.0, k.width as f64 - 1.0, k.height as f64 - 1.0],
-        confidence: 1.0,
-    };
-    let detections = if detections.is_empty() {
-        std::slice::from_ref(&whole)
-    } else {
-        detections
-    };
+    let whole = Detection { bbox: [0.0, 0.0, k.width as f64 - 1.0, k.height as f64 - 1.0], confidence: 1.0 };
+    let detections = if detections.is_empty() { std::slice::from_ref(&whole) } else { detections };
     let most = detections.iter().map(|d| d.confidence).fold(0.0, f64::max);
     let image = (k.width * k.height) as f64;
     detections
@@ -55,11 +48,7 @@ pub(crate) fn box_priors(detections: &[Detection], observation: &Observation) ->
                 bbox: d.bbox,
                 confidence: if most > 0.0 { d.confidence / most } else { 1.0 },
                 vague: (u1 - u0) * (v1 - v0) > VAGUE_SHARE * image,
-                points: if inside.is_empty() {
-                    points_inside(&d.bbox, observation, -1.0)
-                } else {
-                    inside
-                },
+                points: if inside.is_empty() { points_inside(&d.bbox, observation, -1.0) } else { inside },
             }
         })
         .collect()
@@ -76,10 +65,7 @@ fn points_inside(bbox: &[f64; 4], observation: &Observation, weight: f32) -> Vec
             // Pixels that another object explains lie right before the lens.
             if level.w[i] > 0.0 && level.w[i] < 10.0 && level.weight[i] > weight {
                 let z = 1.0 / level.w[i];
-                let (x, y) = (
-                    (u as f32 - level.cx) / level.fx,
-                    (v as f32 - level.cy) / level.fy,
-                );
+                let (x, y) = ((u as f32 - level.cx) / level.fx, (v as f32 - level.cy) / level.fy);
                 points.push(Vector3::new(x * z, y * z, z));
             }
         }
@@ -131,10 +117,7 @@ pub(crate) fn propose<R: Rng>(
         weights.push((FLOOR + overlap * overlap).ln());
         poses.push(pose);
     }
-    gumbel_top(&weights, count, rng)
-        .into_iter()
-        .map(|i| poses[i])
-        .collect()
+    gumbel_top(&weights, count, rng).into_iter().map(|i| poses[i]).collect()
 }
 
 fn draw<R: Rng>(
@@ -145,9 +128,7 @@ fn draw<R: Rng>(
     settings: &GripSettings,
     rng: &mut R,
 ) -> Option<Isometry3<f32>> {
-    let point = chosen
-        .points
-        .get(rng.random_range(0..chosen.points.len().max(1)))?;
+    let point = chosen.points.get(rng.random_range(0..chosen.points.len().max(1)))?;
     // The ray through an observed point, or through somewhere near the box's centre.
     let k = &observation.intrinsics;
     let mut ray = point / point.z;
@@ -168,9 +149,8 @@ fn draw<R: Rng>(
         let z = (rest.height - offset) / up.dot(&ray);
         if z > 0.1 && z < 20.0 {
             let down = -up;
-            let level = UnitQuaternion::rotation_between(&rest.down, &down).unwrap_or_else(|| {
-                UnitQuaternion::from_axis_angle(&orthogonal(up), std::f32::consts::PI)
-            });
+            let level = UnitQuaternion::rotation_between(&rest.down, &down)
+                .unwrap_or_else(|| UnitQuaternion::from_axis_angle(&orthogonal(up), std::f32::consts::PI));
             let yaw = rng.random::<f32>() * std::f32::consts::TAU;
             let turn = UnitQuaternion::from_axis_angle(&UnitVector3::new_normalize(*up), yaw);
             let rotation = small_rotation(TILT, rng) * turn * level;
@@ -180,19 +160,12 @@ fn draw<R: Rng>(
     // The surface is seen, the centre lies behind it.
     let push = rng.random::<f32>() * model.radius;
     let position = ray * (point.z + push / ray.norm());
-    Some(Isometry3::from_parts(
-        Translation3::from(position),
-        uniform_rotation(rng),
-    ))
+    Some(Isometry3::from_parts(Translation3::from(position), uniform_rotation(rng)))
 }
 
 /// Some unit vector orthogonal to `v`.
 fn orthogonal(v: &Vector3<f32>) -> UnitVector3<f32> {
-    let other = if v.x.abs() < 0.6 {
-        Vector3::x()
-    } else {
-        Vector3::y()
-    };
+    let other = if v.x.abs() < 0.6 { Vector3::x() } else { Vector3::y() };
     UnitVector3::new_normalize(v.cross(&other))
 }
 
@@ -208,18 +181,12 @@ mod tests {
         let n = 20_000;
         let (mut mean, mut square) = (Matrix3::<f64>::zeros(), Matrix3::<f64>::zeros());
         for _ in 0..n {
-            let r = uniform_rotation(&mut rng)
-                .to_rotation_matrix()
-                .matrix()
-                .cast::<f64>();
+            let r = uniform_rotation(&mut rng).to_rotation_matrix().matrix().cast::<f64>();
             mean += r / f64::from(n);
             square += r.component_mul(&r) / f64::from(n);
         }
         // Every entry has mean 0 and variance 1/3 under the uniform distribution.
         assert!(mean.abs().max() < 0.02, "{mean}");
-        assert!(
-            (square.add_scalar(-1.0 / 3.0)).abs().max() < 0.02,
-            "{square}"
-        );
+        assert!((square.add_scalar(-1.0 / 3.0)).abs().max() < 0.02, "{square}");
     }
 }

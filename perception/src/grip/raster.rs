@@ -108,10 +108,7 @@ fn render_body(
     let [u0, v0, u1, v1] = extent.bounds;
     // One pixel beyond the image is drawn too, over padding without readings: the image's border is no silhouette.
     let (u0, v0) = (u0.floor().max(-1.0), v0.floor().max(-1.0));
-    let (u1, v1) = (
-        u1.ceil().min(level.width as f32),
-        v1.ceil().min(level.height as f32),
-    );
+    let (u1, v1) = (u1.ceil().min(level.width as f32), v1.ceil().min(level.height as f32));
     if !(u1 >= u0 && v1 >= v0) {
         return None;
     }
@@ -158,28 +155,15 @@ fn project(
         let u = fx * px * w + cx;
         let v = fy * py * w + cy;
         let height = n.x * px + n.y * py + n.z * pz + offset;
-        low = [
-            u.min(low[0]),
-            v.min(low[1]),
-            pz.min(low[2]),
-            height.min(low[3]),
-        ];
+        low = [u.min(low[0]), v.min(low[1]), pz.min(low[2]), height.min(low[3])];
         high = [u.max(high[0]), v.max(high[1])];
         for i in 0..LANES {
             out.push([u.0[i], v.0[i], w.0[i]]);
         }
     }
-    let bounds = [
-        low[0].least(),
-        low[1].least(),
-        high[0].most(),
-        high[1].most(),
-    ];
+    let bounds = [low[0].least(), low[1].least(), high[0].most(), high[1].most()];
     let usable = low[2].least() > NEAREST && bounds.iter().all(|b| b.abs() < 1e5);
-    usable.then_some(Extent {
-        bounds,
-        lowest: low[3].least(),
-    })
+    usable.then_some(Extent { bounds, lowest: low[3].least() })
 }
 
 /// Smallest integer not below `x`, for `|x| < 2^21`; other values give some integer. Adding 1.5 * 2^23 rounds to the
@@ -198,8 +182,8 @@ const SLACK: f32 = 1e-3;
 #[inline(always)]
 fn fill(tile: &mut Tile, a: [f32; 3], b: [f32; 3], c: [f32; 3]) {
     let area = (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]);
-    // In the image y points down, so the front side has negative area. NaN fails the test, too.
-    if !(area < -1e-6) {
+    // In the image y points down, so the front side has negative area.
+    if area > -1e-6 || area.is_nan() {
         return;
     }
     // The pixels from ceil(low) to floor(high).
@@ -230,8 +214,7 @@ fn fill(tile: &mut Tile, a: [f32; 3], b: [f32; 3], c: [f32; 3]) {
             (start, F8::all(dx))
         };
         let ((mut e0, d0), (mut e1, d1), (mut e2, d2)) = (edge(a, b), edge(b, c), edge(c, a));
-        let mut value =
-            F8::all(a[2] + slope_y * (y - a[1])) + F8::all(slope_x) * (x - F8::all(a[0]));
+        let mut value = F8::all(a[2] + slope_y * (y - a[1])) + F8::all(slope_x) * (x - F8::all(a[0]));
         let down = F8::all(slope_y);
         let mut at = (top + 1) * tile.blocks + 1 + block;
         for _ in top..bottom {

@@ -40,13 +40,7 @@ fn difference(before: F8, at: F8, after: F8) -> F8 {
 }
 
 #[inline(always)]
-fn accumulate_body(
-    tile: &Tile,
-    level: &Level,
-    kernel: f32,
-    centre: &Vector3<f32>,
-    radius: f32,
-) -> Sums {
+fn accumulate_body(tile: &Tile, level: &Level, kernel: f32, centre: &Vector3<f32>, radius: f32) -> Sums {
     let (zero, one) = (F8::ZERO, F8::all(1.0));
     let kernel = F8::all(kernel.max(MIN_KERNEL));
     let (fx, fy) = (F8::all(level.fx), F8::all(level.fy));
@@ -111,12 +105,7 @@ fn accumulate_body(
 }
 
 /// The pose after one damped step; the same pose when there is nothing to go by.
-pub(crate) fn step(
-    pose: &Isometry3<f32>,
-    sums: &Sums,
-    radius: f32,
-    damping: f32,
-) -> Isometry3<f32> {
+pub(crate) fn step(pose: &Isometry3<f32>, sums: &Sums, radius: f32, damping: f32) -> Isometry3<f32> {
     let mut h = Matrix6::zeros();
     let mut slot = 0;
     for a in 0..6 {
@@ -146,17 +135,10 @@ pub(crate) fn step(
     }
     let mut rotation = UnitQuaternion::from_scaled_axis(turn) * pose.rotation;
     rotation.renormalize();
-    Isometry3::from_parts(
-        Translation3::from(pose.translation.vector + shift),
-        rotation,
-    )
+    Isometry3::from_parts(Translation3::from(pose.translation.vector + shift), rotation)
 }
 
 fn limited(v: Vector3<f32>, most: f32) -> Vector3<f32> {
     let length = v.norm();
-    if length > most {
-        v * (most / length)
-    } else {
-        v
-    }
+    if length > most { v * (most / length) } else { v }
 }

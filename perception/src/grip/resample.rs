@@ -52,17 +52,9 @@ pub(crate) fn gumbel_top<R: Rng>(log_weights: &[f32], count: usize, rng: &mut R)
 
 /// Draws `count` indices with replacement in proportion to `exp(score / temperature)`, systematically: one random number,
 /// evenly spaced teeth.
-pub(crate) fn systematic<R: Rng>(
-    scores: &[f32],
-    temperature: f32,
-    count: usize,
-    rng: &mut R,
-) -> Vec<usize> {
+pub(crate) fn systematic<R: Rng>(scores: &[f32], temperature: f32, count: usize, rng: &mut R) -> Vec<usize> {
     let best = scores.iter().copied().fold(f32::MIN, f32::max);
-    let weights: Vec<f64> = scores
-        .iter()
-        .map(|s| f64::from(((s - best) / temperature).exp()))
-        .collect();
+    let weights: Vec<f64> = scores.iter().map(|s| f64::from(((s - best) / temperature).exp())).collect();
     let tooth = weights.iter().sum::<f64>() / count as f64;
     let mut next = rng.random::<f64>() * tooth;
     let mut drawn = Vec::with_capacity(count);

@@ -25,9 +25,7 @@ const STEPS: [f32; 7] = [0.2, 0.1, 0.05, 0.02, 0.01, 0.004, 0.0015];
 /// Rolls the hull downhill from evenly spread orientations. `centroid` is the centre of mass in the object frame.
 pub(crate) fn resting_orientations(hull: &[Vector3<f32>], centroid: Vector3<f32>) -> Vec<Resting> {
     let reach = |d: &Vector3<f32>, from: &Vector3<f32>| {
-        hull.iter()
-            .map(|p| (p - from).dot(d))
-            .fold(f32::MIN, f32::max)
+        hull.iter().map(|p| (p - from).dot(d)).fold(f32::MIN, f32::max)
     };
     let mut found: Vec<Resting> = Vec::new();
     for start in directions(STARTS) {
@@ -51,13 +49,7 @@ fn descend(start: Vector3<f32>, height: impl Fn(&Vector3<f32>) -> f32) -> Vector
     for step in STEPS {
         // The number of moves is bounded: half a turn at each step width is more than any descent needs.
         for _ in 0..(3.2 / step) as usize {
-            let side = at
-                .cross(&if at.x.abs() < 0.6 {
-                    Vector3::x()
-                } else {
-                    Vector3::y()
-                })
-                .normalize();
+            let side = at.cross(&if at.x.abs() < 0.6 { Vector3::x() } else { Vector3::y() }).normalize();
             let other = at.cross(&side);
             let next = (0..8)
                 .map(|i| {

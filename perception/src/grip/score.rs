@@ -69,15 +69,7 @@ fn compare_body(tile: &Tile, level: &Level, kernel: f32) -> Terms {
         }
     }
     let [rendered, hole, occluded, violated, fit, rim, edge] = sums.map(F8::sum);
-    Terms {
-        rendered,
-        hole,
-        occluded,
-        violated,
-        fit,
-        rim,
-        edge,
-    }
+    Terms { rendered, hole, occluded, violated, fit, rim, edge }
 }
 
 impl Terms {
@@ -96,18 +88,13 @@ impl Terms {
         let explained = self.rendered - self.hole - settings.occlusion_discount * self.occluded;
         let denominator = explained.max(settings.min_visible * self.rendered);
         let fit = (self.fit - settings.violation * self.violated) / denominator;
-        let edge = if self.rim > 0.0 {
-            self.edge / self.rim
-        } else {
-            0.0
-        };
+        let edge = if self.rim > 0.0 { self.edge / self.rim } else { 0.0 };
         let penetration = lowest.map_or(0.0, |lowest| {
             let depth = -lowest - settings.penetration_free_m as f32;
             (depth / settings.penetration_full_m as f32).clamp(0.0, 1.0)
         });
-        let gain = settings.fit_weight * fit
-            + settings.edge_weight * edge
-            + settings.box_weight * box_support;
+        let gain =
+            settings.fit_weight * fit + settings.edge_weight * edge + settings.box_weight * box_support;
         let most = settings.fit_weight + settings.edge_weight + settings.box_weight;
         let score = (gain - settings.plane_weight * penetration) / most;
         if score.is_finite() { score } else { 0.0 }

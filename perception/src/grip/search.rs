@@ -62,18 +62,8 @@ impl<'a> Search<'a> {
         boxes: &'a [BoxPrior],
         settings: &'a GripSettings,
     ) -> Self {
-        let plane = observation
-            .plane
-            .map(|p| (p.normal.into_inner().cast(), p.offset as f32));
-        Self {
-            model,
-            observation,
-            boxes,
-            plane,
-            settings,
-            raster: Raster::default(),
-            rendered: 0,
-        }
+        let plane = observation.plane.map(|p| (p.normal.into_inner().cast(), p.offset as f32));
+        Self { model, observation, boxes, plane, settings, raster: Raster::default(), rendered: 0 }
     }
 
     /// Restarts until the best score was reached twice at the same place.
@@ -101,13 +91,7 @@ impl<'a> Search<'a> {
         let best = best?;
         let agreeing = ends.iter().filter(|e| self.same(e, &best)).count();
         population.sort_by(|a, b| b.score.total_cmp(&a.score));
-        Some(Found {
-            best,
-            population,
-            restarts: ends.len(),
-            agreeing,
-            hypotheses: self.rendered,
-        })
+        Some(Found { best, population, restarts: ends.len(), agreeing, hypotheses: self.rendered })
     }
 
     /// One pass through the levels and the polish; the survivors, best first.
@@ -132,11 +116,7 @@ impl<'a> Search<'a> {
                 population = thin_out(&population, level.samples, settings.ess, rng);
             }
             let last = depth + 1 == settings.levels.len();
-            let ess = if last {
-                settings.last_ess
-            } else {
-                settings.ess
-            };
+            let ess = if last { settings.last_ess } else { settings.ess };
             for iteration in 0..level.iterations {
                 if iteration > 0 {
                     population = diffuse(&population, level, iteration - 1, ess, rng);
@@ -148,7 +128,7 @@ impl<'a> Search<'a> {
     }
 
     /// Moves and weighs every hypothesis of a level.
-    fn advance(&mut self, population: &mut Vec<Hypothesis>, level: &SearchLevel) {
+    fn advance(&mut self, population: &mut [Hypothesis], level: &SearchLevel) {
         let model = self.model;
         let lod = model.lod(level.triangles);
         for h in population.iter_mut() {
@@ -166,10 +146,8 @@ impl<'a> Search<'a> {
         let (lod, settings) = (model.lod(FINAL_TRIANGLES), self.settings);
         population.truncate(settings.finalists);
         for h in population.iter_mut() {
-            let mut best = Hypothesis {
-                pose: h.pose,
-                score: self.weigh(lod, &h.pose, 1, settings.final_kernel),
-            };
+            let mut best =
+                Hypothesis { pose: h.pose, score: self.weigh(lod, &h.pose, 1, settings.final_kernel) };
             let mut pose = h.pose;
             for _ in 0..settings.final_steps {
                 let before = pose;
@@ -191,25 +169,13 @@ impl<'a> Search<'a> {
     }
 
     /// One Gauss-Newton step; the same pose where it cannot be rendered.
-    fn moved(
-        &mut self,
-        lod: &Lod,
-        pose: &Isometry3<f32>,
-        stride: usize,
-        kernel: f32,
-    ) -> Isometry3<f32> {
+    fn moved(&mut self, lod: &Lod, pose: &Isometry3<f32>, stride: usize, kernel: f32) -> Isometry3<f32> {
         let level = self.observation.level(stride);
         if render(&mut self.raster, lod, pose, level, self.plane.as_ref()).is_none() {
             return *pose;
         }
         let radius = self.model.radius;
-        let sums = accumulate(
-            &self.raster.tile,
-            level,
-            kernel,
-            &pose.translation.vector,
-            radius,
-        );
+        let sums = accumulate(&self.raster.tile, level, kernel, &pose.translation.vector, radius);
         step(pose, &sums, radius, self.settings.damping)
     }
 
@@ -222,8 +188,7 @@ impl<'a> Search<'a> {
         let k = &observation.intrinsics;
         let centre = Vector3::from(pose.translation.vector);
         match k.project(&nalgebra::Point3::from(centre.cast::<f64>())) {
-            Some(p)
-                if p.x >= 0.0 && p.y >= 0.0 && p.x < k.width as f64 && p.y < k.height as f64 => {}
+            Some(p) if p.x >= 0.0 && p.y >= 0.0 && p.x < k.width as f64 && p.y < k.height as f64 => {}
             _ => return 0.0,
         }
         let Some(extent) = render(&mut self.raster, lod, pose, level, self.plane.as_ref()) else {
@@ -231,9 +196,7 @@ impl<'a> Search<'a> {
         };
         let terms = compare(&self.raster.tile, level, kernel);
         let s = stride as f64;
-        let pixel = |x: f32, most: usize| {
-            (f64::from(x) * s + (s - 1.0) / 2.0).clamp(0.0, most as f64 - 1.0)
-        };
+        let pixel = |x: f32, most: usize| (f64::from(x) * s + (s - 1.0) / 2.0).clamp(0.0, most as f64 - 1.0);
         let bounds = [
             pixel(extent.bounds[0], k.width),
             pixel(extent.bounds[1], k.height),
@@ -290,21 +253,11 @@ pub(crate) fn to_camera_bounds(
         b = [b[0].min(u), b[1].min(v), b[2].max(u), b[3].max(v)];
     }
     let clip = |x: f32, most: usize| f64::from(x).clamp(0.0, most as f64 - 1.0);
-    Some([
-        clip(b[0], k.width),
-        clip(b[1], k.height),
-        clip(b[2], k.width),
-        clip(b[3], k.height),
-    ])
+    Some([clip(b[0], k.width), clip(b[1], k.height), clip(b[2], k.width), clip(b[3], k.height)])
 }
 
 /// `count` different hypotheses drawn by tempered weight; the best is always among them.
-fn thin_out<R: Rng>(
-    population: &[Hypothesis],
-    count: usize,
-    ess: f64,
-    rng: &mut R,
-) -> Vec<Hypothesis> {
+fn thin_out<R: Rng>(population: &[Hypothesis], count: usize, ess: f64, rng: &mut R) -> Vec<Hypothesis> {
     if population.len() <= count {
         return population.to_vec();
     }
@@ -334,11 +287,7 @@ fn diffuse<R: Rng>(
     let t = temperature(&scores, ess);
     let rounds = level.iterations.saturating_sub(2).max(1) as f32;
     let between = |[from, to]: [f32; 2]| {
-        if from > 0.0 && to > 0.0 {
-            from * (to / from).powf(round as f32 / rounds)
-        } else {
-            from
-        }
+        if from > 0.0 && to > 0.0 { from * (to / from).powf(round as f32 / rounds) } else { from }
     };
     let (shift, turn) = (between(level.diffusion_m), between(level.diffusion_rad));
     let mut out: Vec<Hypothesis> = systematic(&scores, t, population.len(), rng)
@@ -349,10 +298,7 @@ fn diffuse<R: Rng>(
             let offset = Vector3::new(normal(), normal(), normal()) * shift;
             let rotation = small_rotation(turn, rng) * h.pose.rotation;
             Hypothesis {
-                pose: Isometry3::from_parts(
-                    Translation3::from(h.pose.translation.vector + offset),
-                    rotation,
-                ),
+                pose: Isometry3::from_parts(Translation3::from(h.pose.translation.vector + offset), rotation),
                 score: h.score,
             }
         })

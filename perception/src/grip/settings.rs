@@ -113,17 +113,16 @@ pub struct GripSettings {
 
 impl Default for GripSettings {
     fn default() -> Self {
-        let level =
-            |samples, stride, kernel, steps, iterations, diffusion: [[f32; 2]; 2]| SearchLevel {
-                samples,
-                stride,
-                triangles: 200,
-                kernel,
-                steps,
-                iterations,
-                diffusion_m: diffusion[0],
-                diffusion_rad: diffusion[1],
-            };
+        let level = |samples, stride, kernel, steps, iterations, diffusion: [[f32; 2]; 2]| SearchLevel {
+            samples,
+            stride,
+            triangles: 200,
+            kernel,
+            steps,
+            iterations,
+            diffusion_m: diffusion[0],
+            diffusion_rad: diffusion[1],
+        };
         Self {
             epsilon_m: 0.007,
             levels: vec![
@@ -172,25 +171,13 @@ impl GripSettings {
     /// Refuses values that the filter cannot work with.
     pub(crate) fn check(&self) -> Result<()> {
         let bad = |name, value: String, message: &str| {
-            Err(Error::Setting {
-                name,
-                value,
-                message: message.to_owned(),
-            })
+            Err(Error::Setting { name, value, message: message.to_owned() })
         };
         if !(1e-4..0.1).contains(&self.epsilon_m) {
-            return bad(
-                "epsilon_m",
-                self.epsilon_m.to_string(),
-                "metres, 0.0001 to 0.1; try 0.005",
-            );
+            return bad("epsilon_m", self.epsilon_m.to_string(), "metres, 0.0001 to 0.1; try 0.005");
         }
         if self.levels.is_empty() {
-            return bad(
-                "levels",
-                "[]".into(),
-                "at least one level is needed; see the default",
-            );
+            return bad("levels", "[]".into(), "at least one level is needed; see the default");
         }
         for level in &self.levels {
             let sane = (1..=100_000).contains(&level.samples)
@@ -199,11 +186,7 @@ impl GripSettings {
                 && (0.1..100.0).contains(&level.kernel)
                 && (1..=1000).contains(&level.iterations)
                 && level.steps <= 1000
-                && level
-                    .diffusion_m
-                    .iter()
-                    .chain(&level.diffusion_rad)
-                    .all(|d| (0.0..10.0).contains(d));
+                && level.diffusion_m.iter().chain(&level.diffusion_rad).all(|d| (0.0..10.0).contains(d));
             if !sane {
                 return bad(
                     "levels",
@@ -242,11 +225,7 @@ impl GripSettings {
             }
         }
         if !(0.0..=1.0).contains(&self.resting_share) {
-            return bad(
-                "resting_share",
-                self.resting_share.to_string(),
-                "0 to 1; try 0.5",
-            );
+            return bad("resting_share", self.resting_share.to_string(), "0 to 1; try 0.5");
         }
         Ok(())
     }

@@ -30,11 +30,7 @@ fn model(positions: Vec<Point3<f32>>, triangles: Vec<[u32; 3]>) -> Model {
             upright: false,
         },
         visual: Arc::new(Visual {
-            mesh: Arc::new(Mesh {
-                positions,
-                triangles,
-                ..Mesh::default()
-            }),
+            mesh: Arc::new(Mesh { positions, triangles, ..Mesh::default() }),
             material: Material::default(),
         }),
         collision: vec![],
@@ -54,21 +50,8 @@ fn skew_box(size: [f32; 3]) -> Model {
             Point3::new(side(0, size[0]), side(1, size[1]), side(2, size[2]))
         })
         .collect();
-    let quads = [
-        [0, 2, 3, 1],
-        [4, 5, 7, 6],
-        [0, 1, 5, 4],
-        [2, 6, 7, 3],
-        [0, 4, 6, 2],
-        [1, 3, 7, 5],
-    ];
-    model(
-        positions,
-        quads
-            .iter()
-            .flat_map(|&[a, b, c, d]| [[a, b, c], [a, c, d]])
-            .collect(),
-    )
+    let quads = [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];
+    model(positions, quads.iter().flat_map(|&[a, b, c, d]| [[a, b, c], [a, c, d]]).collect())
 }
 
 fn sphere(radius: f32) -> Model {
@@ -93,10 +76,7 @@ fn sphere(radius: f32) -> Model {
 }
 
 fn settings() -> GripSettings {
-    GripSettings {
-        plane: None,
-        ..GripSettings::default()
-    }
+    GripSettings { plane: None, ..GripSettings::default() }
 }
 
 /// What the camera sees of a model before a wall 2 m away.
@@ -116,9 +96,7 @@ fn observe(model: &Model, pose: &Isometry3<f32>) -> Observation {
         for x in 0..tile.width {
             let w = tile.values()[tile.index(x, y)];
             if w > 0.0 {
-                *frame
-                    .depth
-                    .at_mut((tile.u0 + x as i32) as usize, (tile.v0 + y as i32) as usize) = 1.0 / w;
+                *frame.depth.at_mut((tile.u0 + x as i32) as usize, (tile.v0 + y as i32) as usize) = 1.0 / w;
             }
         }
     }
@@ -126,19 +104,10 @@ fn observe(model: &Model, pose: &Isometry3<f32>) -> Observation {
 }
 
 fn placed(x: f32, y: f32, z: f32, turn: Vector3<f32>) -> Isometry3<f32> {
-    Isometry3::from_parts(
-        Translation3::new(x, y, z),
-        UnitQuaternion::from_scaled_axis(turn),
-    )
+    Isometry3::from_parts(Translation3::new(x, y, z), UnitQuaternion::from_scaled_axis(turn))
 }
 
-fn score(
-    model: &Model,
-    pose: &Isometry3<f32>,
-    observation: &Observation,
-    stride: usize,
-    kernel: f32,
-) -> f32 {
+fn score(model: &Model, pose: &Isometry3<f32>, observation: &Observation, stride: usize, kernel: f32) -> f32 {
     let level = observation.level(stride);
     let mut raster = Raster::default();
     match render(&mut raster, model.lod(1000), pose, level, None) {
@@ -154,14 +123,7 @@ fn a_facing_plane_is_rendered_at_its_depth_in_its_rectangle() {
     let level = blank.level(1);
     let mut raster = Raster::default();
     // Turned so that the uncut face, at z = -0.02, is before the camera.
-    render(
-        &mut raster,
-        model.lod(1000),
-        &placed(0.0, 0.0, 1.0, Vector3::zeros()),
-        level,
-        None,
-    )
-    .unwrap();
+    render(&mut raster, model.lod(1000), &placed(0.0, 0.0, 1.0, Vector3::zeros()), level, None).unwrap();
     let tile = &raster.tile;
     let k = Intrinsics::FETCH;
     let inside = |u: f64, v: f64| {
@@ -183,10 +145,7 @@ fn a_facing_plane_is_rendered_at_its_depth_in_its_rectangle() {
         }
     }
     let expected = 0.2 * 0.1 * (554.26f64 / 0.98).powi(2);
-    assert!(
-        (f64::from(seen) / expected - 1.0).abs() < 0.02,
-        "{seen} of {expected}"
-    );
+    assert!((f64::from(seen) / expected - 1.0).abs() < 0.02, "{seen} of {expected}");
 }
 
 #[test]
@@ -211,11 +170,7 @@ fn a_sphere_has_no_gaps_and_the_right_depth() {
                 if miss < 0.046 {
                     let z = (b - (b * b - a * (centre.norm_squared() - 0.0025)).sqrt()) / a;
                     assert!(w > 0.0, "stride {stride}: gap at ({u}, {v})");
-                    assert!(
-                        (1.0 / w - z).abs() < 0.0015,
-                        "stride {stride} at ({u}, {v}): {} {z}",
-                        1.0 / w
-                    );
+                    assert!((1.0 / w - z).abs() < 0.0015, "stride {stride} at ({u}, {v}): {} {z}", 1.0 / w);
                 } else if miss > 0.0505 {
                     assert_eq!(w, 0.0, "stride {stride} at ({u}, {v})");
                 }
@@ -228,36 +183,15 @@ fn a_sphere_has_no_gaps_and_the_right_depth() {
 fn a_hypothesis_over_the_image_border_stays_inside() {
     let model = sphere(0.1);
     let observation = observe(&model, &placed(0.0, 0.0, 1.0, Vector3::zeros()));
-    for (x, y) in [
-        (0.6, 0.0),
-        (-0.6, 0.0),
-        (0.0, 0.45),
-        (0.0, -0.45),
-        (5.0, 0.0),
-    ] {
+    for (x, y) in [(0.6, 0.0), (-0.6, 0.0), (0.0, 0.45), (0.0, -0.45), (5.0, 0.0)] {
         for stride in [1, 2, 4] {
-            let s = score(
-                &model,
-                &placed(x, y, 1.0, Vector3::zeros()),
-                &observation,
-                stride,
-                2.0,
-            );
+            let s = score(&model, &placed(x, y, 1.0, Vector3::zeros()), &observation, stride, 2.0);
             assert!(s.is_finite());
         }
     }
     // Through the lens, behind the camera, not a number.
     for z in [0.05, -1.0, f32::NAN, f32::INFINITY] {
-        assert_eq!(
-            score(
-                &model,
-                &placed(0.0, 0.0, z, Vector3::zeros()),
-                &observation,
-                4,
-                2.0
-            ),
-            0.0
-        );
+        assert_eq!(score(&model, &placed(0.0, 0.0, z, Vector3::zeros()), &observation, 4, 2.0), 0.0);
     }
 }
 
@@ -278,18 +212,11 @@ fn holes_are_neutral_and_depth_values_of_any_kind_do_no_harm() {
     for v in 0..k.height {
         for u in 0..k.width {
             let w = level.w[level.index(u as i32, v as i32)];
-            *frame.depth.at_mut(u, v) = if (u * 7 + v * 3) % 5 == 0 {
-                bad[(u + v) % 5]
-            } else {
-                1.0 / w
-            };
+            *frame.depth.at_mut(u, v) = if (u * 7 + v * 3) % 5 == 0 { bad[(u + v) % 5] } else { 1.0 / w };
         }
     }
     let holed = Observation::new(&frame, &settings());
-    let (a, b) = (
-        score(&model, &pose, &whole, 1, 1.0),
-        score(&model, &pose, &holed, 1, 1.0),
-    );
+    let (a, b) = (score(&model, &pose, &whole, 1, 1.0), score(&model, &pose, &holed, 1, 1.0));
     assert!((a - b).abs() < 0.02, "{a} {b}");
 }
 
