@@ -133,7 +133,7 @@ impl Default for GripSettings {
             ],
             oversampling: 8,
             resting_share: 0.5,
-            finalists: 4,
+            finalists: 3,
             final_steps: 8,
             final_kernel: 1.0,
             max_restarts: 8,
