@@ -17,6 +17,9 @@ fn cpu() -> f64 {
     text.split(' ').next().and_then(|t| t.parse::<f64>().ok()).unwrap_or(0.0) * 1e-9
 }
 
+/// ADD-S, score, confidence, restarts, seconds.
+type Row = (f64, f64, f64, f64, f64);
+
 fn settings(arguments: &[String]) -> GripSettings {
     let mut value = serde_json::to_value(GripSettings::default()).unwrap();
     for a in arguments {
@@ -38,7 +41,7 @@ fn main() {
     let detector = Clusters::default();
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
 
-    let mut table: BTreeMap<String, Vec<(f64, f64, f64, f64, f64)>> = BTreeMap::new();
+    let mut table: BTreeMap<String, Vec<Row>> = BTreeMap::new();
     let mut absent: Vec<(f64, f64)> = Vec::new();
     let (mut detect_seconds, mut whole, mut searched) = (0.0, 0.0, 0usize);
     for n in 0..scenes {
@@ -67,25 +70,48 @@ fn main() {
                 Some((model, truth)) => {
                     let error = common::adds(model, truth, &p.best);
                     if error > 0.01 {
-                        println!("  scene {n} {}: {:.1} mm score {:.3} confidence {:.2} restarts {}", p.object, error * 1e3, p.score, p.confidence, p.restarts);
+                        println!(
+                            "  scene {n} {}: {:.1} mm score {:.3} confidence {:.2} restarts {}",
+                            p.object,
+                            error * 1e3,
+                            p.score,
+                            p.confidence,
+                            p.restarts
+                        );
                     }
-                    table.entry(p.object.clone()).or_default().push((error, p.score, p.confidence, p.restarts as f64, p.seconds));
+                    table.entry(p.object.clone()).or_default().push((
+                        error,
+                        p.score,
+                        p.confidence,
+                        p.restarts as f64,
+                        p.seconds,
+                    ));
                 }
                 None => absent.push((p.score, p.confidence)),
             }
         }
     }
-    println!("{:24} {:>3} {:>6} {:>6} {:>8} {:>6} {:>6} {:>6} {:>7}", "object", "n", "<5mm", "<1cm", "median", "score", "conf", "starts", "ms");
+    println!(
+        "{:24} {:>3} {:>6} {:>6} {:>8} {:>6} {:>6} {:>6} {:>7}",
+        "object", "n", "<5mm", "<1cm", "median", "score", "conf", "starts", "ms"
+    );
     let mut all = Vec::new();
-    let row = |name: &str, rows: &[(f64, f64, f64, f64, f64)]| {
+    let row = |name: &str, rows: &[Row]| {
         let n = rows.len() as f64;
         let share = |most: f64| rows.iter().filter(|r| r.0 < most).count() as f64 / n;
-        let mean = |f: fn(&(f64, f64, f64, f64, f64)) -> f64| rows.iter().map(f).sum::<f64>() / n;
+        let mean = |f: fn(&Row) -> f64| rows.iter().map(f).sum::<f64>() / n;
         let mut errors: Vec<f64> = rows.iter().map(|r| r.0).collect();
         errors.sort_by(f64::total_cmp);
         println!(
             "{name:24} {:>3} {:6.2} {:6.2} {:6.2}mm {:6.3} {:6.2} {:6.1} {:7.0}",
-            rows.len(), share(0.005), share(0.01), errors[errors.len() / 2] * 1e3, mean(|r| r.1), mean(|r| r.2), mean(|r| r.3), mean(|r| r.4) * 1e3
+            rows.len(),
+            share(0.005),
+            share(0.01),
+            errors[errors.len() / 2] * 1e3,
+            mean(|r| r.1),
+            mean(|r| r.2),
+            mean(|r| r.3),
+            mean(|r| r.4) * 1e3
         );
     };
     for (name, rows) in &table {
@@ -104,12 +130,17 @@ fn main() {
     for (name, s, c) in [("right", &scores, &right), ("absent", &absent_scores, &confidences)] {
         println!(
             "{name:7} score 5/50/95 %: {:.3} {:.3} {:.3}  confidence {:.2} {:.2} {:.2}",
-            quantile(s.clone(), 0.05), quantile(s.clone(), 0.5), quantile(s.clone(), 0.95),
-            quantile(c.clone(), 0.05), quantile(c.clone(), 0.5), quantile(c.clone(), 0.95)
+            quantile(s.clone(), 0.05),
+            quantile(s.clone(), 0.5),
+            quantile(s.clone(), 0.95),
+            quantile(c.clone(), 0.05),
+            quantile(c.clone(), 0.5),
+            quantile(c.clone(), 0.95)
         );
     }
     println!(
         "CPU: clusters {:.1} ms a frame, estimate {:.0} ms a pose (frame preparation and conflicts included)",
-        1e3 * detect_seconds / scenes as f64, 1e3 * whole / searched as f64
+        1e3 * detect_seconds / scenes as f64,
+        1e3 * whole / searched as f64
     );
 }

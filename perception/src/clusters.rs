@@ -82,8 +82,7 @@ impl Clusters {
                 && support.as_ref().is_none_or(|support| {
                     (s.min_height_m..s.max_height_m).contains(&support.plane.height(&p)) && support.holds(&p)
                 })
-                && s.workspace
-                    .is_none_or(|w| w.contains(&frame.world_from_camera.transform_point(&p)));
+                && s.workspace.is_none_or(|w| w.contains(&frame.world_from_camera.transform_point(&p)));
             if !keep {
                 *z = 0.0;
             }
@@ -120,8 +119,8 @@ impl Clusters {
         // Roots are the smallest index of their component, so clusters come out in scan order.
         let mut found: Vec<(usize, [f64; 4])> = Vec::new();
         let mut slot = vec![u32::MAX; depth.len()];
-        for i in 0..depth.len() {
-            if depth[i] == 0.0 {
+        for (i, &z) in depth.iter().enumerate() {
+            if z == 0.0 {
                 continue;
             }
             let root = find(&mut parent, i as u32) as usize;
@@ -162,12 +161,7 @@ impl Detector for Clusters {
     fn detect(&self, frame: &CameraFrame, objects: &[Arc<ObjectModel>]) -> Result<Detections> {
         let mut boxes = self.boxes(frame)?;
         if boxes.is_empty() {
-            boxes.push([
-                0.0,
-                0.0,
-                frame.intrinsics.width as f64 - 1.0,
-                frame.intrinsics.height as f64 - 1.0,
-            ]);
+            boxes.push([0.0, 0.0, frame.intrinsics.width as f64 - 1.0, frame.intrinsics.height as f64 - 1.0]);
         }
         let confidence = 1.0 / boxes.len() as f64;
         let mut detections = Detections::new();

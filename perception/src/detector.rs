@@ -31,12 +31,7 @@ impl Detection {
 /// Intersection over union of two boxes `[u0, v0, u1, v1]`.
 pub(crate) fn iou(a: &[f64; 4], b: &[f64; 4]) -> f64 {
     let area = |r: &[f64; 4]| (r[2] - r[0]).max(0.0) * (r[3] - r[1]).max(0.0);
-    let both = area(&[
-        a[0].max(b[0]),
-        a[1].max(b[1]),
-        a[2].min(b[2]),
-        a[3].min(b[3]),
-    ]);
+    let both = area(&[a[0].max(b[0]), a[1].max(b[1]), a[2].min(b[2]), a[3].min(b[3])]);
     let union = area(a) + area(b) - both;
     if union > 0.0 { both / union } else { 0.0 }
 }
@@ -71,10 +66,7 @@ impl Detections {
                 ),
             });
         }
-        self.by_object
-            .entry(object.to_owned())
-            .or_default()
-            .push(detection);
+        self.by_object.entry(object.to_owned()).or_default().push(detection);
         Ok(())
     }
 
@@ -85,9 +77,7 @@ impl Detections {
 
     /// Names and boxes, in the names' order.
     pub fn iter(&self) -> impl Iterator<Item = (&str, &[Detection])> {
-        self.by_object
-            .iter()
-            .map(|(name, boxes)| (name.as_str(), boxes.as_slice()))
+        self.by_object.iter().map(|(name, boxes)| (name.as_str(), boxes.as_slice()))
     }
 
     /// Draws a box of `object` with probability in proportion to its confidence (uniform when all are zero); `None` when
@@ -166,21 +156,10 @@ impl Detector for WholeImage {
 
     fn detect(&self, frame: &CameraFrame, objects: &[Arc<ObjectModel>]) -> Result<Detections> {
         check_frame(frame)?;
-        let bbox = [
-            0.0,
-            0.0,
-            frame.intrinsics.width as f64 - 1.0,
-            frame.intrinsics.height as f64 - 1.0,
-        ];
+        let bbox = [0.0, 0.0, frame.intrinsics.width as f64 - 1.0, frame.intrinsics.height as f64 - 1.0];
         let mut detections = Detections::new();
         for object in objects {
-            detections.push(
-                &object.info.name,
-                Detection {
-                    bbox,
-                    confidence: 1.0,
-                },
-            )?;
+            detections.push(&object.info.name, Detection { bbox, confidence: 1.0 })?;
         }
         Ok(detections)
     }
@@ -223,10 +202,7 @@ mod tests {
     use grip_sim::rng;
 
     fn boxed(u0: f64, confidence: f64) -> Detection {
-        Detection {
-            bbox: [u0, 0.0, u0 + 10.0, 10.0],
-            confidence,
-        }
+        Detection { bbox: [u0, 0.0, u0 + 10.0, 10.0], confidence }
     }
 
     #[test]
@@ -242,10 +218,7 @@ mod tests {
             counts[(d.bbox[0] / 20.0) as usize] += 1;
         }
         for (count, share) in counts.iter().zip([0.1, 0.6, 0.0, 0.3]) {
-            assert!(
-                (*count as f64 / 20_000.0 - share).abs() < 0.015,
-                "{counts:?}"
-            );
+            assert!((*count as f64 / 20_000.0 - share).abs() < 0.015, "{counts:?}");
         }
         assert!(detections.sample("mug", &mut rng).is_none());
     }
@@ -256,9 +229,7 @@ mod tests {
         detections.push("can", boxed(0.0, 0.0)).unwrap();
         detections.push("can", boxed(20.0, 0.0)).unwrap();
         let mut rng = rng::stream(6, "test");
-        let right = (0..4000)
-            .filter(|_| detections.sample("can", &mut rng).unwrap().bbox[0] > 1.0)
-            .count();
+        let right = (0..4000).filter(|_| detections.sample("can", &mut rng).unwrap().bbox[0] > 1.0).count();
         assert!((1800..2200).contains(&right), "{right}");
     }
 
@@ -266,10 +237,7 @@ mod tests {
     fn refuses_boxes_that_are_none() {
         let mut detections = Detections::new();
         for bad in [
-            Detection {
-                bbox: [5.0, 0.0, 1.0, 3.0],
-                confidence: 1.0,
-            },
+            Detection { bbox: [5.0, 0.0, 1.0, 3.0], confidence: 1.0 },
             boxed(0.0, -1.0),
             boxed(f64::NAN, 1.0),
             boxed(0.0, f64::NAN),

@@ -21,7 +21,10 @@ pub struct Footprint {
 
 impl Footprint {
     /// From points on the plane with this normal; `None` when they cover no area.
-    pub(crate) fn new(normal: &Unit<Vector3<f64>>, points: impl Iterator<Item = Point3<f64>>) -> Option<Self> {
+    pub(crate) fn new(
+        normal: &Unit<Vector3<f64>>,
+        points: impl Iterator<Item = Point3<f64>>,
+    ) -> Option<Self> {
         let side = if normal.x.abs() < 0.6 { Vector3::x() } else { Vector3::y() };
         let first = normal.cross(&side).normalize();
         let axes = [first, normal.cross(&first)];
@@ -36,7 +39,8 @@ impl Footprint {
             counts[c] += 1;
         }
         let piece = largest_piece(&counts);
-        let inside: Vec<Point2<f64>> = flat.iter().filter(|p| cell(p).is_some_and(|c| piece[c])).copied().collect();
+        let inside: Vec<Point2<f64>> =
+            flat.iter().filter(|p| cell(p).is_some_and(|c| piece[c])).copied().collect();
         let corners = convex_hull(inside);
         (corners.len() >= 3).then_some(Self { axes, corners })
     }
@@ -117,7 +121,9 @@ mod tests {
 
     #[test]
     fn covers_the_larger_of_two_pieces_and_its_margin() {
-        let grid = |x0: f64, n: usize| (0..n * n).map(move |i| Point3::new(x0 + 0.01 * (i % n) as f64, 0.01 * (i / n) as f64, 1.0));
+        let grid = |x0: f64, n: usize| {
+            (0..n * n).map(move |i| Point3::new(x0 + 0.01 * (i % n) as f64, 0.01 * (i / n) as f64, 1.0))
+        };
         let points = grid(0.0, 60).chain(grid(1.0, 20));
         let footprint = Footprint::new(&Vector3::z_axis(), points).unwrap();
         let covers = |x: f64, y: f64, margin: f64| footprint.covers(&Point3::new(x, y, 0.7), margin);

@@ -23,7 +23,7 @@ pub use clusters::{ClusterSettings, Clusters};
 pub use detector::{Detection, Detections, Detector, WholeImage, Workspace};
 pub use error::{Error, Result};
 pub use estimator::PoseEstimator;
-pub use grip::{GripEstimator, GripSettings, SearchLevel};
 pub use footprint::Footprint;
+pub use grip::{GripEstimator, GripSettings, SearchLevel};
 pub use plane::{Plane, PlaneSettings, Support, fit_support_plane};
 pub use posterior::PosePosterior;

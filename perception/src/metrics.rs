@@ -7,35 +7,21 @@ use grip_sim::pose::{Camera, Object, Pose};
 use nalgebra::Point3;
 
 /// ADD, metres: mean distance between corresponding model points under the two poses. 0 for no points.
-pub fn add(
-    points: &[Point3<f64>],
-    truth: &Pose<Camera, Object>,
-    estimate: &Pose<Camera, Object>,
-) -> f64 {
-    let sum: f64 = points
-        .iter()
-        .map(|p| (truth.transform_point(p) - estimate.transform_point(p)).norm())
-        .sum();
+pub fn add(points: &[Point3<f64>], truth: &Pose<Camera, Object>, estimate: &Pose<Camera, Object>) -> f64 {
+    let sum: f64 =
+        points.iter().map(|p| (truth.transform_point(p) - estimate.transform_point(p)).norm()).sum();
     sum / points.len().max(1) as f64
 }
 
 /// ADD-S, metres: for each model point under the true pose the distance to the nearest one under the estimate, mean.
 /// Brute force: quadratic in the number of points, so sample them down to 1000 with [`sample_points`]. 0 for no points.
-pub fn adds(
-    points: &[Point3<f64>],
-    truth: &Pose<Camera, Object>,
-    estimate: &Pose<Camera, Object>,
-) -> f64 {
+pub fn adds(points: &[Point3<f64>], truth: &Pose<Camera, Object>, estimate: &Pose<Camera, Object>) -> f64 {
     let moved: Vec<Point3<f64>> = points.iter().map(|p| estimate.transform_point(p)).collect();
     let sum: f64 = points
         .iter()
         .map(|p| {
             let p = truth.transform_point(p);
-            moved
-                .iter()
-                .map(|q| (p - q).norm_squared())
-                .fold(f64::INFINITY, f64::min)
-                .sqrt()
+            moved.iter().map(|q| (p - q).norm_squared()).fold(f64::INFINITY, f64::min).sqrt()
         })
         .sum();
     sum / points.len().max(1) as f64
@@ -44,9 +30,7 @@ pub fn adds(
 /// At most `count` of `points`, evenly spaced in their order.
 pub fn sample_points(points: &[Point3<f32>], count: usize) -> Vec<Point3<f64>> {
     let take = count.min(points.len());
-    (0..take)
-        .map(|i| points[i * points.len() / take].cast())
-        .collect()
+    (0..take).map(|i| points[i * points.len() / take].cast()).collect()
 }
 
 /// Area under the accuracy-threshold curve from 0 to `threshold`, normalised to 0 .. 1, as PoseCNN's YCB-Video toolbox
@@ -123,7 +107,10 @@ mod tests {
     #[test]
     fn samples_evenly_and_never_more_than_there_are() {
         let points: Vec<Point3<f32>> = (0..100).map(|i| Point3::new(i as f32, 0.0, 0.0)).collect();
-        assert_eq!(sample_points(&points, 4).iter().map(|p| p.x).collect::<Vec<_>>(), [0.0, 25.0, 50.0, 75.0]);
+        assert_eq!(
+            sample_points(&points, 4).iter().map(|p| p.x).collect::<Vec<_>>(),
+            [0.0, 25.0, 50.0, 75.0]
+        );
         assert_eq!(sample_points(&points, 1000).len(), 100);
         assert!(sample_points(&[], 10).is_empty());
     }

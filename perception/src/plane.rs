@@ -62,12 +62,7 @@ pub struct PlaneSettings {
 
 impl Default for PlaneSettings {
     fn default() -> Self {
-        Self {
-            max_tilt_rad: Some(0.1),
-            inlier_m: 0.005,
-            draws: 500,
-            min_share: 0.08,
-        }
+        Self { max_tilt_rad: Some(0.1), inlier_m: 0.005, draws: 500, min_share: 0.08 }
     }
 }
 
@@ -155,14 +150,7 @@ fn through(a: &Point3<f64>, b: &Point3<f64>, c: &Point3<f64>) -> Option<Plane> {
 
 fn facing_camera(normal: Unit<Vector3<f64>>, through: &Point3<f64>) -> Plane {
     let offset = -normal.dot(&through.coords);
-    if offset < 0.0 {
-        Plane {
-            normal: -normal,
-            offset: -offset,
-        }
-    } else {
-        Plane { normal, offset }
-    }
+    if offset < 0.0 { Plane { normal: -normal, offset: -offset } } else { Plane { normal, offset } }
 }
 
 fn ransac(
@@ -183,11 +171,8 @@ fn ransac(
         if up.is_some_and(|(up, cos)| plane.normal.dot(&up) < cos) {
             continue;
         }
-        let count = points
-            .iter()
-            .step_by(COUNT_STEP)
-            .filter(|p| plane.height(p).abs() < settings.inlier_m)
-            .count();
+        let count =
+            points.iter().step_by(COUNT_STEP).filter(|p| plane.height(p).abs() < settings.inlier_m).count();
         if best.is_none_or(|(_, most)| count > most) {
             best = Some((plane, count));
         }
@@ -209,7 +194,8 @@ fn refine(mut plane: Plane, points: &[Point3<f64>], inlier_m: f64) -> Plane {
             sum + d * d.transpose()
         });
         let eigen = covariance.symmetric_eigen();
-        let Some(normal) = Unit::try_new(eigen.eigenvectors.column(eigen.eigenvalues.imin()).into_owned(), 1e-9)
+        let Some(normal) =
+            Unit::try_new(eigen.eigenvectors.column(eigen.eigenvalues.imin()).into_owned(), 1e-9)
         else {
             break;
         };
@@ -254,22 +240,14 @@ mod tests {
                 }
             }
         }
-        CameraFrame {
-            rgb: RgbImage::new(640, 480),
-            depth,
-            intrinsics: k,
-            world_from_camera: Pose::new(iso),
-        }
+        CameraFrame { rgb: RgbImage::new(640, 480), depth, intrinsics: k, world_from_camera: Pose::new(iso) }
     }
 
     #[test]
     fn finds_a_noisy_table_to_the_millimetre() {
         for (down, seen) in [(0.8, Some(0.1)), (0.95, None)] {
             let frame = frame(down, 3.0, 0.008);
-            let settings = PlaneSettings {
-                max_tilt_rad: seen,
-                ..Default::default()
-            };
+            let settings = PlaneSettings { max_tilt_rad: seen, ..Default::default() };
             let plane = fit_support_plane(&frame, &settings, None).unwrap().plane;
             assert!((plane.offset - 0.5).abs() < 0.001, "{plane:?}");
             let up = frame.world_from_camera.transform_vector(&plane.normal);

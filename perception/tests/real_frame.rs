@@ -1,11 +1,15 @@
 //! One real frame of YCB-Video: five objects on a table, depth of a real structured-light camera.
+#![allow(clippy::unwrap_used, clippy::print_stdout)]
 
 mod common;
 
 use std::path::Path;
 use std::sync::Arc;
 
-use grip_perception::{Clusters, ClusterSettings, Detection, Detections, Detector, GripEstimator, GripSettings, PlaneSettings, PoseEstimator};
+use grip_perception::{
+    ClusterSettings, Clusters, Detection, Detections, Detector, GripEstimator, GripSettings, PlaneSettings,
+    PoseEstimator,
+};
 use grip_sim::camera::Intrinsics;
 use grip_sim::frame::CameraFrame;
 use grip_sim::images::DepthImage;
@@ -24,7 +28,9 @@ struct Real {
 
 fn load(root: &Path) -> Real {
     let scene = root.join("test/000050");
-    let json = |name: &str| -> Value { serde_json::from_str(&std::fs::read_to_string(scene.join(name)).unwrap()).unwrap() };
+    let json = |name: &str| -> Value {
+        serde_json::from_str(&std::fs::read_to_string(scene.join(name)).unwrap()).unwrap()
+    };
     let camera = &json("scene_camera.json")["1"];
     let k = |i: usize| camera["cam_K"][i].as_f64().unwrap();
     let to_metres = camera["depth_scale"].as_f64().unwrap() * 1e-3;
@@ -34,7 +40,14 @@ fn load(root: &Path) -> Real {
     let frame = CameraFrame {
         rgb: image::open(scene.join("rgb/000001.png")).unwrap().into_rgb8(),
         depth: DepthImage::from_vec(w as usize, h as usize, data).unwrap(),
-        intrinsics: Intrinsics { width: w as usize, height: h as usize, fx: k(0), fy: k(4), cx: k(2), cy: k(5) },
+        intrinsics: Intrinsics {
+            width: w as usize,
+            height: h as usize,
+            fx: k(0),
+            fy: k(4),
+            cx: k(2),
+            cy: k(5),
+        },
         // The data set does not tell the camera's pose in the world.
         world_from_camera: Pose::identity(),
     };
@@ -98,7 +111,12 @@ fn run(real: &Real, detections: &Detections, settings: GripSettings, seed: u64, 
             let error = common::adds(object, truth, &p.best);
             println!(
                 "  {:22} ADD-S {:6.1} mm  score {:.3} confidence {:.2} restarts {} {:4.0} ms",
-                p.object, error * 1e3, p.score, p.confidence, p.restarts, p.seconds * 1e3
+                p.object,
+                error * 1e3,
+                p.score,
+                p.confidence,
+                p.restarts,
+                p.seconds * 1e3
             );
             error
         })
@@ -148,7 +166,8 @@ fn over_seeds() {
     };
     let real = load(&root);
     let mut value = serde_json::to_value(settings()).unwrap();
-    let overrides: Value = serde_json::from_str(&std::env::var("GRIP_SETTINGS").unwrap_or("{}".into())).unwrap();
+    let overrides: Value =
+        serde_json::from_str(&std::env::var("GRIP_SETTINGS").unwrap_or("{}".into())).unwrap();
     for (key, x) in overrides.as_object().unwrap() {
         value[key] = x.clone();
     }
@@ -158,7 +177,11 @@ fn over_seeds() {
     let mut good = [0usize; 2];
     let seeds = 6;
     for seed in 0..seeds {
-        for (which, (detections, label)) in [(clustered.clone(), "clusters"), (truth_boxes(&real, seed), "jittered truth")].into_iter().enumerate() {
+        for (which, (detections, label)) in
+            [(clustered.clone(), "clusters"), (truth_boxes(&real, seed), "jittered truth")]
+                .into_iter()
+                .enumerate()
+        {
             let errors = run(&real, &detections, settings.clone(), seed, label);
             good[which] += errors.iter().filter(|e| **e < 0.01).count();
         }

@@ -37,9 +37,9 @@ impl F8 {
 
     #[inline(always)]
     fn zip(self, other: Self, f: impl Fn(f32, f32) -> f32) -> Self {
-        let mut out = [0.0; LANES];
-        for i in 0..LANES {
-            out[i] = f(self.0[i], other.0[i]);
+        let mut out = self.0;
+        for (o, b) in out.iter_mut().zip(other.0) {
+            *o = f(*o, b);
         }
         Self(out)
     }
@@ -59,19 +59,15 @@ impl F8 {
     /// Square root.
     #[inline(always)]
     pub fn sqrt(self) -> Self {
-        let mut out = [0.0; LANES];
-        for i in 0..LANES {
-            out[i] = self.0[i].sqrt();
-        }
-        Self(out)
+        Self(self.0.map(f32::sqrt))
     }
 
     /// `yes` where `self > other`, else `no`: a selection, so NaN and infinity in the other branch do no harm.
     #[inline(always)]
     pub fn above(self, other: Self, yes: Self, no: Self) -> Self {
-        let mut out = [0.0; LANES];
-        for i in 0..LANES {
-            out[i] = if self.0[i] > other.0[i] { yes.0[i] } else { no.0[i] };
+        let mut out = no.0;
+        for (i, o) in out.iter_mut().enumerate() {
+            *o = if self.0[i] > other.0[i] { yes.0[i] } else { *o };
         }
         Self(out)
     }

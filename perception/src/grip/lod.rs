@@ -1,6 +1,6 @@
 //! Models prepared for rendering many hypotheses: simplified meshes, extreme points, resting orientations.
 
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, PoisonError};
 
 use grip_sim::objects::ObjectModel;
 use meshopt::SimplifyOptions;
@@ -42,13 +42,11 @@ impl Model {
     /// Prepares an object's mesh at each of the given numbers of triangles.
     pub fn new(object: &ObjectModel, triangle_counts: &[usize]) -> Result<Self> {
         let name = object.info.name.clone();
-        let fail = |message: &str| Error::Object {
-            object: name.clone(),
-            message: message.to_owned(),
-        };
+        let fail = |message: &str| Error::Object { object: name.clone(), message: message.to_owned() };
         let mesh = &object.visual.mesh;
-        let (positions, triangles) = weld(&mesh.positions, &mesh.triangles)
-            .ok_or_else(|| fail("a triangle names a vertex that the mesh does not have; check the model file"))?;
+        let (positions, triangles) = weld(&mesh.positions, &mesh.triangles).ok_or_else(|| {
+            fail("a triangle names a vertex that the mesh does not have; check the model file")
+        })?;
         if positions.iter().flatten().any(|x| !x.is_finite()) {
             return Err(fail("a vertex is not finite; check the model file"));
         }
@@ -73,14 +71,7 @@ impl Model {
         }
         let centroid = volume_centroid(&positions, &triangles);
         let resting = resting_orientations(&hull, centroid);
-        Ok(Self {
-            name,
-            lods,
-            hull,
-            outline,
-            radius,
-            resting,
-        })
+        Ok(Self { name, lods, hull, outline, radius, resting })
     }
 
     /// The coarsest mesh of at least `triangles`.
@@ -90,9 +81,12 @@ impl Model {
     }
 }
 
+/// Vertex positions and vertex indices of triangles.
+type Indexed = (Vec<[f32; 3]>, Vec<[u32; 3]>);
+
 /// Merges vertices of equal position (texture seams split them) and drops degenerate triangles; `None` for an index
 /// out of range.
-fn weld(positions: &[Point3<f32>], triangles: &[[u32; 3]]) -> Option<(Vec<[f32; 3]>, Vec<[u32; 3]>)> {
+fn weld(positions: &[Point3<f32>], triangles: &[[u32; 3]]) -> Option<Indexed> {
     // Adding zero makes -0.0 and 0.0 the same bits.
     let key = |i: usize| positions[i].coords.map(|x| (x + 0.0).to_bits());
     let mut order: Vec<usize> = (0..positions.len()).collect();
@@ -168,10 +162,7 @@ fn simplify(positions: &[[f32; 3]], triangles: &[[u32; 3]], count: usize) -> Lod
             out
         })
     };
-    Lod {
-        blocks: used.chunks(LANES).map(block).collect(),
-        triangles: faces,
-    }
+    Lod { blocks: used.chunks(LANES).map(block).collect(), triangles: faces }
 }
 
 fn signed_volume(positions: &[[f32; 3]], faces: &[[u32; 3]]) -> f32 {
@@ -246,10 +237,13 @@ fn extreme_points(points: &[Vector3<f32>], count: usize) -> Vec<Vector3<f32>> {
     kept.into_iter().map(|i| points[i]).collect()
 }
 
+/// An object, the numbers of triangles asked for, and what was made of it.
+type Entry = (Arc<ObjectModel>, Vec<usize>, Arc<Model>);
+
 /// Prepared models by object, so that a trial simplifies each mesh once.
 #[derive(Debug, Default)]
 pub(crate) struct ModelCache {
-    entries: std::sync::Mutex<Vec<(Arc<ObjectModel>, Vec<usize>, Arc<Model>)>>,
+    entries: Mutex<Vec<Entry>>,
 }
 
 /// More objects than a session has; beyond it the oldest goes.
@@ -258,11 +252,9 @@ const CACHE_SIZE: usize = 64;
 impl ModelCache {
     /// The prepared model of `object`, made now if it was not before.
     pub fn get(&self, object: &Arc<ObjectModel>, counts: &[usize]) -> Result<Arc<Model>> {
-        let lock = || self.entries.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
-        let found = lock()
-            .iter()
-            .find(|(o, c, _)| Arc::ptr_eq(o, object) && c == counts)
-            .map(|(_, _, m)| m.clone());
+        let lock = || self.entries.lock().unwrap_or_else(PoisonError::into_inner);
+        let found =
+            lock().iter().find(|(o, c, _)| Arc::ptr_eq(o, object) && c == counts).map(|(_, _, m)| m.clone());
         if let Some(model) = found {
             return Ok(model);
         }

@@ -19,6 +19,8 @@ mod resting;
 mod score;
 mod search;
 mod settings;
+#[cfg(test)]
+mod tests;
 
 use std::sync::Arc;
 use std::time::Instant;
@@ -63,10 +65,7 @@ impl GripEstimator {
     /// [`crate::Error::Setting`] for a value out of range.
     pub fn new(settings: GripSettings) -> Result<Self> {
         settings.check()?;
-        Ok(Self {
-            settings,
-            models: ModelCache::default(),
-        })
+        Ok(Self { settings, models: ModelCache::default() })
     }
 
     /// The settings in use.
@@ -74,7 +73,14 @@ impl GripEstimator {
         &self.settings
     }
 
-    fn search(&self, model: &Model, observation: &Observation, detections: &Detections, seed: u64, stream: &str) -> (Option<Found>, f64) {
+    fn search(
+        &self,
+        model: &Model,
+        observation: &Observation,
+        detections: &Detections,
+        seed: u64,
+        stream: &str,
+    ) -> (Option<Found>, f64) {
         let start = Instant::now();
         let boxes = box_priors(detections.of(&model.name), observation);
         let mut rng = rng::stream(seed, stream);
@@ -98,10 +104,8 @@ impl PoseEstimator for GripEstimator {
         check_frame(frame)?;
         let mut counts: Vec<usize> = self.settings.levels.iter().map(|l| l.triangles).collect();
         counts.extend(EXTRA_TRIANGLES);
-        let models: Vec<Arc<Model>> = objects
-            .par_iter()
-            .map(|object| self.models.get(object, &counts))
-            .collect::<Result<_>>()?;
+        let models: Vec<Arc<Model>> =
+            objects.par_iter().map(|object| self.models.get(object, &counts)).collect::<Result<_>>()?;
         let observation = Observation::new(frame, &self.settings);
         // Two of the same kind draw from two streams, or they would be the same search.
         let stream = |i: usize| {
@@ -200,10 +204,7 @@ fn posterior(model: &Model, found: Option<Found>, seconds: f64, settings: &GripS
 
 fn weights(population: &[Hypothesis], temperature: f64) -> Vec<f64> {
     let best = population.iter().map(|h| h.score).fold(f32::MIN, f32::max);
-    let raw: Vec<f64> = population
-        .iter()
-        .map(|h| (f64::from(h.score - best) / temperature).exp())
-        .collect();
+    let raw: Vec<f64> = population.iter().map(|h| (f64::from(h.score - best) / temperature).exp()).collect();
     let sum: f64 = raw.iter().sum();
     raw.iter().map(|w| w / sum).collect()
 }
@@ -212,7 +213,8 @@ fn spread(model: &Model, found: &Found, weights: &[f64]) -> (f64, f64) {
     let positions = || found.population.iter().map(|h| h.pose.translation.vector.cast::<f64>());
     let mean = positions().zip(weights).fold(Vector3::zeros(), |m, (p, w)| m + p * *w);
     let variance: f64 = positions().zip(weights).map(|(p, w)| w * (p - mean).norm_squared()).sum();
-    let only_turned = |pose: &Isometry3<f32>| Isometry3::from_parts(nalgebra::Translation3::identity(), pose.rotation);
+    let only_turned =
+        |pose: &Isometry3<f32>| Isometry3::from_parts(nalgebra::Translation3::identity(), pose.rotation);
     let reference = only_turned(&found.best.pose);
     let base: Vec<f32> = directions(SPREAD_DIRECTIONS).map(|d| reach(&model.hull, &reference, &d)).collect();
     let mut change = 0.0;

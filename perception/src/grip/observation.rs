@@ -63,20 +63,12 @@ pub(crate) struct Observation {
 impl Observation {
     /// Prepares a frame.
     pub fn new(frame: &CameraFrame, settings: &GripSettings) -> Self {
-        let support = settings
-            .plane
-            .as_ref()
-            .and_then(|p| fit_support_plane(frame, p, settings.workspace.as_ref()));
+        let support =
+            settings.plane.as_ref().and_then(|p| fit_support_plane(frame, p, settings.workspace.as_ref()));
         let edges = near_edges(frame, settings.edge_jump_m as f32);
-        let levels = STRIDES
-            .iter()
-            .map(|&stride| level(frame, stride, support.as_ref(), &edges, settings))
-            .collect();
-        Self {
-            levels,
-            plane: support.map(|s| s.plane),
-            intrinsics: frame.intrinsics,
-        }
+        let levels =
+            STRIDES.iter().map(|&stride| level(frame, stride, support.as_ref(), &edges, settings)).collect();
+        Self { levels, plane: support.map(|s| s.plane), intrinsics: frame.intrinsics }
     }
 
     /// The level of a stride that is one of [`STRIDES`].
@@ -93,9 +85,7 @@ impl Observation {
             for v in 0..level.height {
                 for u in 0..level.width {
                     let at = |u: usize, v: usize| {
-                        u < marks.width
-                            && v < marks.height
-                            && explained[marks.index(u as i32, v as i32)]
+                        u < marks.width && v < marks.height && explained[marks.index(u as i32, v as i32)]
                     };
                     let taken = match level.stride {
                         1 => at(u / 2, v / 2),
@@ -147,10 +137,7 @@ fn level(
     // Height over the plane of the point with ray (x, y, 1) and inverse depth w is (n . ray + w offset) / w.
     let (n, offset) = support.map_or(([0.0; 3], 0.0), |s| {
         let p = &s.plane;
-        (
-            [p.normal.x as f32, p.normal.y as f32, p.normal.z as f32],
-            p.offset as f32,
-        )
+        ([p.normal.x as f32, p.normal.y as f32, p.normal.z as f32], p.offset as f32)
     });
     let band = settings.plane_band_m as f32;
     let mut near = vec![false; size];
@@ -332,7 +319,7 @@ mod tests {
         // The tolerance is epsilon along the ray.
         let x = (0.0 - level.cx) / level.fx;
         let y = (0.0 - level.cy) / level.fy;
-        let tol = 0.005 / (x * x + y * y + 1.0).sqrt();
+        let tol = GripSettings::default().epsilon_m as f32 / (x * x + y * y + 1.0).sqrt();
         assert!((level.tol[level.index(0, 0)] - tol).abs() < 1e-8);
     }
 

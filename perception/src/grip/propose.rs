@@ -35,10 +35,7 @@ pub(crate) struct BoxPrior {
 /// The boxes of one object with the observed points in each. Without any box the whole image is one.
 pub(crate) fn box_priors(detections: &[Detection], observation: &Observation) -> Vec<BoxPrior> {
     let k = &observation.intrinsics;
-    let whole = Detection {
-        bbox: [0.0, 0.0, k.width as f64 - 1.0, k.height as f64 - 1.0],
-        confidence: 1.0,
-    };
+    let whole = Detection { bbox: [0.0, 0.0, k.width as f64 - 1.0, k.height as f64 - 1.0], confidence: 1.0 };
     let detections = if detections.is_empty() { std::slice::from_ref(&whole) } else { detections };
     let most = detections.iter().map(|d| d.confidence).fold(0.0, f64::max);
     let image = (k.width * k.height) as f64;

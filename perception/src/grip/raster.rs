@@ -163,10 +163,7 @@ fn project(
     }
     let bounds = [low[0].least(), low[1].least(), high[0].most(), high[1].most()];
     let usable = low[2].least() > NEAREST && bounds.iter().all(|b| b.abs() < 1e5);
-    usable.then_some(Extent {
-        bounds,
-        lowest: low[3].least(),
-    })
+    usable.then_some(Extent { bounds, lowest: low[3].least() })
 }
 
 /// Smallest integer not below `x`, for `|x| < 2^21`; other values give some integer. Adding 1.5 * 2^23 rounds to the
@@ -185,8 +182,8 @@ const SLACK: f32 = 1e-3;
 #[inline(always)]
 fn fill(tile: &mut Tile, a: [f32; 3], b: [f32; 3], c: [f32; 3]) {
     let area = (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]);
-    // In the image y points down, so the front side has negative area. NaN fails the test, too.
-    if !(area < -1e-6) {
+    // In the image y points down, so the front side has negative area.
+    if area > -1e-6 || area.is_nan() {
         return;
     }
     // The pixels from ceil(low) to floor(high).

@@ -69,21 +69,19 @@ fn compare_body(tile: &Tile, level: &Level, kernel: f32) -> Terms {
         }
     }
     let [rendered, hole, occluded, violated, fit, rim, edge] = sums.map(F8::sum);
-    Terms {
-        rendered,
-        hole,
-        occluded,
-        violated,
-        fit,
-        rim,
-        edge,
-    }
+    Terms { rendered, hole, occluded, violated, fit, rim, edge }
 }
 
 impl Terms {
     /// The score: 1 is a perfect explanation. `box_support` is the largest confidence times overlap of a box, 0 to 1;
     /// `lowest` the height of the lowest point over the support plane, if there is one.
-    pub fn score(&self, settings: &GripSettings, stride: usize, box_support: f32, lowest: Option<f32>) -> f32 {
+    pub fn score(
+        &self,
+        settings: &GripSettings,
+        stride: usize,
+        box_support: f32,
+        lowest: Option<f32>,
+    ) -> f32 {
         if self.rendered * ((stride * stride) as f32) < settings.min_pixels {
             return 0.0;
         }
@@ -95,9 +93,10 @@ impl Terms {
             let depth = -lowest - settings.penetration_free_m as f32;
             (depth / settings.penetration_full_m as f32).clamp(0.0, 1.0)
         });
-        let score = settings.fit_weight * fit + settings.edge_weight * edge
-            + settings.box_weight * box_support
-            - settings.plane_weight * penetration;
+        let gain =
+            settings.fit_weight * fit + settings.edge_weight * edge + settings.box_weight * box_support;
+        let most = settings.fit_weight + settings.edge_weight + settings.box_weight;
+        let score = (gain - settings.plane_weight * penetration) / most;
         if score.is_finite() { score } else { 0.0 }
     }
 }

@@ -56,19 +56,14 @@ pub(crate) struct Search<'a> {
 
 impl<'a> Search<'a> {
     /// Ready to weigh hypotheses of `model`.
-    pub fn new(model: &'a Model, observation: &'a Observation, boxes: &'a [BoxPrior], settings: &'a GripSettings) -> Self {
-        let plane = observation
-            .plane
-            .map(|p| (p.normal.into_inner().cast(), p.offset as f32));
-        Self {
-            model,
-            observation,
-            boxes,
-            plane,
-            settings,
-            raster: Raster::default(),
-            rendered: 0,
-        }
+    pub fn new(
+        model: &'a Model,
+        observation: &'a Observation,
+        boxes: &'a [BoxPrior],
+        settings: &'a GripSettings,
+    ) -> Self {
+        let plane = observation.plane.map(|p| (p.normal.into_inner().cast(), p.offset as f32));
+        Self { model, observation, boxes, plane, settings, raster: Raster::default(), rendered: 0 }
     }
 
     /// Restarts until the best score was reached twice at the same place.
@@ -87,7 +82,8 @@ impl<'a> Search<'a> {
                 best = Some(end);
             }
             ends.push(end);
-            let hopeless = ends.len() >= HOPELESS_RESTARTS && best.is_none_or(|b| b.score < self.settings.hopeless_score);
+            let hopeless = ends.len() >= HOPELESS_RESTARTS
+                && best.is_none_or(|b| b.score < self.settings.hopeless_score);
             if agreed || hopeless {
                 break;
             }
@@ -95,13 +91,7 @@ impl<'a> Search<'a> {
         let best = best?;
         let agreeing = ends.iter().filter(|e| self.same(e, &best)).count();
         population.sort_by(|a, b| b.score.total_cmp(&a.score));
-        Some(Found {
-            best,
-            population,
-            restarts: ends.len(),
-            agreeing,
-            hypotheses: self.rendered,
-        })
+        Some(Found { best, population, restarts: ends.len(), agreeing, hypotheses: self.rendered })
     }
 
     /// One pass through the levels and the polish; the survivors, best first.
@@ -138,7 +128,7 @@ impl<'a> Search<'a> {
     }
 
     /// Moves and weighs every hypothesis of a level.
-    fn advance(&mut self, population: &mut Vec<Hypothesis>, level: &SearchLevel) {
+    fn advance(&mut self, population: &mut [Hypothesis], level: &SearchLevel) {
         let model = self.model;
         let lod = model.lod(level.triangles);
         for h in population.iter_mut() {
@@ -156,10 +146,8 @@ impl<'a> Search<'a> {
         let (lod, settings) = (model.lod(FINAL_TRIANGLES), self.settings);
         population.truncate(settings.finalists);
         for h in population.iter_mut() {
-            let mut best = Hypothesis {
-                pose: h.pose,
-                score: self.weigh(lod, &h.pose, 1, settings.final_kernel),
-            };
+            let mut best =
+                Hypothesis { pose: h.pose, score: self.weigh(lod, &h.pose, 1, settings.final_kernel) };
             let mut pose = h.pose;
             for _ in 0..settings.final_steps {
                 let before = pose;
@@ -208,9 +196,7 @@ impl<'a> Search<'a> {
         };
         let terms = compare(&self.raster.tile, level, kernel);
         let s = stride as f64;
-        let pixel = |x: f32, most: usize| {
-            (f64::from(x) * s + (s - 1.0) / 2.0).clamp(0.0, most as f64 - 1.0)
-        };
+        let pixel = |x: f32, most: usize| (f64::from(x) * s + (s - 1.0) / 2.0).clamp(0.0, most as f64 - 1.0);
         let bounds = [
             pixel(extent.bounds[0], k.width),
             pixel(extent.bounds[1], k.height),
@@ -234,7 +220,8 @@ impl<'a> Search<'a> {
         (a.score - b.score).abs() < s.same_score
             && (a.pose.translation.vector - b.pose.translation.vector).norm() < s.same_position_m
             && directions(HULL_CHECKS).all(|d| {
-                (reach(&self.model.hull, &a.pose, &d) - reach(&self.model.hull, &b.pose, &d)).abs() < s.same_hull_m
+                (reach(&self.model.hull, &a.pose, &d) - reach(&self.model.hull, &b.pose, &d)).abs()
+                    < s.same_hull_m
             })
     }
 }
@@ -249,7 +236,11 @@ pub(crate) fn reach(hull: &[Vector3<f32>], pose: &Isometry3<f32>, d: &Vector3<f3
 }
 
 /// Bounds `[u0, v0, u1, v1]` of the projected points, clipped to the image; `None` when one is behind the camera.
-pub(crate) fn to_camera_bounds(points: &[Vector3<f32>], pose: &Isometry3<f32>, k: &Intrinsics) -> Option<[f64; 4]> {
+pub(crate) fn to_camera_bounds(
+    points: &[Vector3<f32>],
+    pose: &Isometry3<f32>,
+    k: &Intrinsics,
+) -> Option<[f64; 4]> {
     let r = pose.rotation.to_rotation_matrix();
     let (fx, fy, cx, cy) = (k.fx as f32, k.fy as f32, k.cx as f32, k.cy as f32);
     let mut b = [f32::MAX, f32::MAX, f32::MIN, f32::MIN];
@@ -285,7 +276,13 @@ fn thin_out<R: Rng>(population: &[Hypothesis], count: usize, ess: f64, rng: &mut
 
 /// Resampling with replacement and diffusion; the best stays as it is. DIFFERENCE to the paper: its step widths decay
 /// with the best weight, ours by schedule.
-fn diffuse<R: Rng>(population: &[Hypothesis], level: &SearchLevel, round: usize, ess: f64, rng: &mut R) -> Vec<Hypothesis> {
+fn diffuse<R: Rng>(
+    population: &[Hypothesis],
+    level: &SearchLevel,
+    round: usize,
+    ess: f64,
+    rng: &mut R,
+) -> Vec<Hypothesis> {
     let scores: Vec<f32> = population.iter().map(|h| h.score).collect();
     let t = temperature(&scores, ess);
     let rounds = level.iterations.saturating_sub(2).max(1) as f32;

@@ -13,18 +13,20 @@ use grip_sim::images::{DepthImage, Image, RgbImage};
 use grip_sim::mesh::{Material, Mesh, Visual};
 use grip_sim::objects::{Fragility, ObjectInfo, ObjectModel};
 use grip_sim::pose::{Camera, Object, Pose, World};
+use grip_sim::render::Rendering;
+use grip_sim::sensor::depth::DepthNoise;
 use nalgebra::{Isometry3, Matrix3, Point3, Rotation3, Translation3, UnitQuaternion, Vector3};
-use rand::{Rng, RngExt};
-use rand_distr::{Distribution, StandardNormal};
+use rand::RngExt;
+use rand_chacha::ChaCha8Rng;
 
 pub const TABLE: f64 = 0.7;
 
 /// An object from a mesh; positions are shifted so that the origin is the centre of the bounding box.
 pub fn object(name: &str, positions: Vec<Point3<f32>>, triangles: Vec<[u32; 3]>) -> Arc<ObjectModel> {
     let fold = |f: fn(f32, f32) -> f32, start: f32| {
-        positions.iter().fold(Point3::new(start, start, start), |m, p| {
-            Point3::new(f(m.x, p.x), f(m.y, p.y), f(m.z, p.z))
-        })
+        positions
+            .iter()
+            .fold(Point3::new(start, start, start), |m, p| Point3::new(f(m.x, p.x), f(m.y, p.y), f(m.z, p.z)))
     };
     let (min, max) = (fold(f32::min, f32::MAX), fold(f32::max, f32::MIN));
     let diameter = f64::from((max - min).norm());
@@ -52,11 +54,13 @@ pub fn object(name: &str, positions: Vec<Point3<f32>>, triangles: Vec<[u32; 3]>)
 
 pub fn box_object(name: &str, size: [f32; 3]) -> Arc<ObjectModel> {
     let positions = (0..8)
-        .map(|i| Point3::new(
-            size[0] * ((i & 1) as f32 - 0.5),
-            size[1] * ((i >> 1 & 1) as f32 - 0.5),
-            size[2] * ((i >> 2) as f32 - 0.5),
-        ))
+        .map(|i| {
+            Point3::new(
+                size[0] * ((i & 1) as f32 - 0.5),
+                size[1] * ((i >> 1 & 1) as f32 - 0.5),
+                size[2] * ((i >> 2) as f32 - 0.5),
+            )
+        })
         .collect();
     let quads = [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];
     let triangles = quads.iter().flat_map(|&[a, b, c, d]| [[a, b, c], [a, c, d]]).collect();
@@ -81,16 +85,37 @@ pub fn can_object(name: &str, radius: f32, height: f32) -> Arc<ObjectModel> {
 /// The folder of real data, if this checkout has it.
 pub fn data(sub: &str) -> Option<PathBuf> {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/data").join(sub);
-    let path = if path.exists() { path } else { Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data").join(sub) };
+    let path = if path.exists() {
+        path
+    } else {
+        Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data").join(sub)
+    };
     path.exists().then_some(path)
 }
 
 /// YCB-Video's names in the order of its BOP numbers, 1 to 21.
 pub const NAMES: [&str; 21] = [
-    "002_master_chef_can", "003_cracker_box", "004_sugar_box", "005_tomato_soup_can", "006_mustard_bottle",
-    "007_tuna_fish_can", "008_pudding_box", "009_gelatin_box", "010_potted_meat_can", "011_banana",
-    "019_pitcher_base", "021_bleach_cleanser", "024_bowl", "025_mug", "035_power_drill", "036_wood_block",
-    "037_scissors", "040_large_marker", "051_large_clamp", "052_extra_large_clamp", "061_foam_brick",
+    "002_master_chef_can",
+    "003_cracker_box",
+    "004_sugar_box",
+    "005_tomato_soup_can",
+    "006_mustard_bottle",
+    "007_tuna_fish_can",
+    "008_pudding_box",
+    "009_gelatin_box",
+    "010_potted_meat_can",
+    "011_banana",
+    "019_pitcher_base",
+    "021_bleach_cleanser",
+    "024_bowl",
+    "025_mug",
+    "035_power_drill",
+    "036_wood_block",
+    "037_scissors",
+    "040_large_marker",
+    "051_large_clamp",
+    "052_extra_large_clamp",
+    "061_foam_brick",
 ];
 
 /// A model of a BOP folder: binary PLY with float x, y, z and triangles only, millimetres.
@@ -105,7 +130,8 @@ pub fn bop_object(models: &Path, id: usize) -> Arc<ObjectModel> {
     let (vertices, faces) = (count("element vertex"), count("element face"));
     let body = &bytes[end..];
     let float = |i: usize| f32::from_le_bytes(body[i..i + 4].try_into().unwrap()) * 1e-3;
-    let positions = (0..vertices).map(|i| Point3::new(float(12 * i), float(12 * i + 4), float(12 * i + 8))).collect();
+    let positions =
+        (0..vertices).map(|i| Point3::new(float(12 * i), float(12 * i + 4), float(12 * i + 8))).collect();
     let index = |i: usize| u32::from_le_bytes(body[i..i + 4].try_into().unwrap());
     let start = 12 * vertices;
     let triangles = (0..faces)
@@ -130,7 +156,11 @@ pub fn camera(height: f64, down: f64) -> Pose<World, Camera> {
 }
 
 /// Perfect depth of posed objects on a table top (z = [`TABLE`], x 0.35 .. 1.35) over a floor.
-pub fn depth(k: &Intrinsics, world_from_camera: &Pose<World, Camera>, placed: &[(Arc<ObjectModel>, Pose<Camera, Object>)]) -> DepthImage {
+pub fn depth(
+    k: &Intrinsics,
+    world_from_camera: &Pose<World, Camera>,
+    placed: &[(Arc<ObjectModel>, Pose<Camera, Object>)],
+) -> DepthImage {
     let mut out = Image::filled(k.width, k.height, 0.0f32);
     let iso = world_from_camera.iso();
     let height = iso.translation.z;
@@ -184,41 +214,38 @@ pub fn depth(k: &Intrinsics, world_from_camera: &Pose<World, Camera>, placed: &[
     out
 }
 
-/// A structured-light camera, roughly: half a pixel of lateral jitter, disparity in eighths of a pixel, the projector's
-/// shadow, one per cent of drop-out.
-pub fn noisy(depth: &DepthImage, k: &Intrinsics, rng: &mut impl Rng) -> DepthImage {
-    let fb = k.fx * 0.075;
-    let mut out = Image::filled(k.width, k.height, 0.0f32);
-    for v in 0..k.height {
-        // What the projector sees of this row.
-        let shift = |u: usize, z: f32| (u as f64 + fb / f64::from(z)).round() as usize;
-        let mut lit = vec![f32::MAX; k.width + 512];
-        for u in 0..k.width {
+/// What the simulated Carmine 1.09 reads of a perfect depth image of grey surfaces.
+pub fn sensed(depth: &DepthImage, k: &Intrinsics, rng: &mut ChaCha8Rng) -> DepthImage {
+    let mut cos_incidence = Image::filled(k.width, k.height, 0.0f32);
+    for v in 1..k.height - 1 {
+        for u in 1..k.width - 1 {
             let z = *depth.at(u, v);
-            if z > 0.0 {
-                let s = shift(u, z).min(lit.len() - 1);
-                lit[s] = lit[s].min(z);
-            }
-        }
-        for u in 0..k.width {
-            let mut jitter = |most: usize, at: usize| {
-                let n: f64 = StandardNormal.sample(rng);
-                ((at as f64 + 0.5 * n).round().max(0.0) as usize).min(most - 1)
+            // The smaller of the two differences is the one on the same surface.
+            let slope = |a: f32, b: f32| {
+                let (a, b) = (z - a, b - z);
+                f64::from(if a.abs() < b.abs() { a } else { b })
             };
-            let z = *depth.at(jitter(k.width, u), jitter(k.height, v));
-            if z == 0.0 || rng.random::<f64>() < 0.01 {
-                continue;
+            let (du, dv) = (
+                slope(*depth.at(u - 1, v), *depth.at(u + 1, v)),
+                slope(*depth.at(u, v - 1), *depth.at(u, v + 1)),
+            );
+            let p = |u: f64, v: f64, z: f64| k.back_project(u, v, z);
+            let (x, y, z) = (u as f64, v as f64, f64::from(z));
+            if z > 0.0 {
+                let at = p(x, y, z);
+                let normal = (p(x + 1.0, y, z + du) - at).cross(&(p(x, y + 1.0, z + dv) - at));
+                let cos = normal.normalize().dot(&at.coords.normalize()).abs();
+                *cos_incidence.at_mut(u, v) = cos as f32;
             }
-            let s = shift(u, z).min(lit.len() - 1);
-            if lit[s.saturating_sub(1)..=s].iter().any(|l| *l < z - 0.02) {
-                continue;
-            }
-            let n: f64 = StandardNormal.sample(rng);
-            let disparity = ((fb / f64::from(z) + 0.06 * n) * 8.0).round() / 8.0;
-            *out.at_mut(u, v) = (fb / disparity) as f32;
         }
     }
-    out
+    let rendering = Rendering {
+        radiance: Image::filled(k.width, k.height, [50.0; 3]),
+        depth: depth.clone(),
+        labels: Image::filled(k.width, k.height, 0),
+        cos_incidence,
+    };
+    DepthNoise::default().apply(&rendering, k, rng)
 }
 
 pub struct Scene {
@@ -228,7 +255,7 @@ pub struct Scene {
 
 /// Objects on the table at random: one of the six faces of the bounding box down (the upright one half of the time),
 /// free yaw, apart from each other by `gap` metres between bounding circles (negative: they may occlude and touch).
-pub fn scene(models: &[Arc<ObjectModel>], gap: f64, rng: &mut impl Rng) -> Scene {
+pub fn scene(models: &[Arc<ObjectModel>], gap: f64, rng: &mut ChaCha8Rng) -> Scene {
     let k = Intrinsics::FETCH;
     let world_from_camera = camera(1.2 + 0.1 * (rng.random::<f64>() - 0.5), 0.8 + 0.2 * rng.random::<f64>());
     let mut circles: Vec<(f64, f64, f64)> = Vec::new();
@@ -241,8 +268,10 @@ pub fn scene(models: &[Arc<ObjectModel>], gap: f64, rng: &mut impl Rng) -> Scene
                 i => [[1.57, 0.0], [-1.57, 0.0], [0.0, 1.57], [0.0, -1.57]][i as usize - 6],
             };
             let yaw = rng.random::<f64>() * std::f64::consts::TAU;
-            let rotation = UnitQuaternion::from_euler_angles(0.0, 0.0, yaw) * UnitQuaternion::from_euler_angles(tip[0], tip[1], 0.0);
-            let turned: Vec<Vector3<f64>> = model.visual.mesh.positions.iter().map(|p| rotation * p.coords.cast()).collect();
+            let rotation = UnitQuaternion::from_euler_angles(0.0, 0.0, yaw)
+                * UnitQuaternion::from_euler_angles(tip[0], tip[1], 0.0);
+            let turned: Vec<Vector3<f64>> =
+                model.visual.mesh.positions.iter().map(|p| rotation * p.coords.cast()).collect();
             let lowest = turned.iter().map(|p| p.z).fold(f64::MAX, f64::min);
             let radius = turned.iter().map(|p| p.xy().norm()).fold(0.0, f64::max);
             let (x, y) = (0.45 + 0.45 * rng.random::<f64>(), 0.7 * (rng.random::<f64>() - 0.5));
@@ -253,7 +282,9 @@ pub fn scene(models: &[Arc<ObjectModel>], gap: f64, rng: &mut impl Rng) -> Scene
                 Pose::new(Isometry3::from_parts(Translation3::new(x, y, TABLE - lowest), rotation));
             let pose = world_from_camera.inverse() * world_from_object;
             let inside = turned.iter().all(|p| {
-                let p = world_from_camera.inverse().transform_point(&Point3::from(p + world_from_object.translation()));
+                let p = world_from_camera
+                    .inverse()
+                    .transform_point(&Point3::from(p + world_from_object.translation()));
                 k.project(&p).is_some_and(|q| q.x > 2.0 && q.y > 2.0 && q.x < 637.0 && q.y < 477.0)
             });
             if inside {
@@ -267,7 +298,7 @@ pub fn scene(models: &[Arc<ObjectModel>], gap: f64, rng: &mut impl Rng) -> Scene
     Scene {
         frame: CameraFrame {
             rgb: RgbImage::new(640, 480),
-            depth: noisy(&clean, &k, rng),
+            depth: sensed(&clean, &k, rng),
             intrinsics: k,
             world_from_camera,
         },
