@@ -6,8 +6,8 @@
 mod banana;
 mod bottles;
 mod boxes;
-mod canvas;
 mod cans;
+mod canvas;
 mod clamps;
 mod lofts;
 mod solids;
@@ -35,17 +35,14 @@ pub struct BuiltIn {
 impl BuiltIn {
     /// A model of a mesh, the texture on it, its roughness (0 to 1) and the pieces of its solid. Nothing here is metal to
     /// the renderer: bare ends are painted, since a model has one material.
-    fn new(mesh: Mesh, texture: Arc<image::RgbImage>, roughness: f32, collision: Vec<CollisionShape>) -> Self {
-        let material = Material {
-            base_color: [1.0; 3],
-            roughness,
-            metallic: 0.0,
-            texture: Some(texture),
-        };
-        let visual = Visual {
-            mesh: Arc::new(mesh),
-            material,
-        };
+    fn new(
+        mesh: Mesh,
+        texture: Arc<image::RgbImage>,
+        roughness: f32,
+        collision: Vec<CollisionShape>,
+    ) -> Self {
+        let material = Material { base_color: [1.0; 3], roughness, metallic: 0.0, texture: Some(texture) };
+        let visual = Visual { mesh: Arc::new(mesh), material };
         Self { visual, collision }
     }
 
