@@ -1,9 +1,10 @@
 //! Convex collision shapes as plain data, so that physics (rapier) and planning (parry) build the same geometry.
 
 use nalgebra::{Isometry3, Point3, Vector3};
+use serde::{Deserialize, Serialize};
 
 /// A convex solid in some parent frame.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct CollisionShape {
     /// Parent frame from shape frame.
     pub pose: Isometry3<f64>,
@@ -12,7 +13,7 @@ pub struct CollisionShape {
 }
 
 /// A convex solid about its own origin, metres.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub enum Convex {
     /// A box by its half extents.
     Cuboid {

@@ -1,13 +1,35 @@
 //! The 21 YCB-Video objects: a table of facts (`scenes/objects.toml`) and a model for each, built in code or read from
 //! a scanned set.
+//!
+//! | module | what it does |
+//! |---|---|
+//! | [`table`] | reads and checks `scenes/objects.toml` |
+//! | [`library`] | the table and the models of one set, loaded when asked for |
+//! | `builtin` | parametric models of all 21 objects |
+//! | [`scans`] | models from the official YCB scans or from BOP |
+//! | [`mesh_io`] | OBJ and PLY files |
+//! | [`decompose`] | convex pieces of a scanned mesh |
+//! | [`collision_error`] | how far the pieces are from the mesh |
+
+mod builtin;
+pub mod collision_error;
+pub mod decompose;
+pub mod library;
+pub mod mesh_io;
+pub mod scans;
+pub mod table;
 
 use std::path::PathBuf;
+use std::sync::Arc;
 
 use nalgebra::{Point3, Vector3};
 use serde::{Deserialize, Serialize};
 
 use crate::mesh::Visual;
 use crate::shape::CollisionShape;
+
+pub use collision_error::{CollisionError, collision_error};
+pub use library::{ObjectLibrary, resolve_set};
 
 /// Where the models come from.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -18,6 +40,17 @@ pub enum ObjectSet {
     Ycb(PathBuf),
     /// A BOP `models` folder of `obj_NNNNNN.ply` in millimetres.
     Bop(PathBuf),
+}
+
+impl ObjectSet {
+    /// The set's name in tables and reports.
+    pub fn label(&self) -> &'static str {
+        match self {
+            Self::BuiltIn => "built-in",
+            Self::Ycb(_) => "ycb",
+            Self::Bop(_) => "bop",
+        }
+    }
 }
 
 /// How easily an object is damaged.
@@ -58,10 +91,11 @@ pub struct ObjectModel {
     /// The table's row.
     pub info: ObjectInfo,
     /// Looks; the mesh is closed and in the object frame.
-    pub visual: std::sync::Arc<Visual>,
+    pub visual: Arc<Visual>,
     /// Convex pieces in the object frame; together they are the solid that physics uses.
     pub collision: Vec<CollisionShape>,
-    /// Lower corner of the mesh's bounding box, metres (minus `max`, by the frame's definition).
+    /// Lower corner of the mesh's bounding box, metres; minus `max` up to the 0.3 mm by which BOP's own files miss the
+    /// frame's definition.
     pub min: Point3<f64>,
     /// Upper corner of the mesh's bounding box, metres.
     pub max: Point3<f64>,
@@ -70,6 +104,13 @@ pub struct ObjectModel {
 }
 
 impl ObjectModel {
+    /// Puts a model together; bounds and diameter are those of the mesh.
+    pub fn new(info: ObjectInfo, visual: Visual, collision: Vec<CollisionShape>) -> Self {
+        let (min, max) = visual.mesh.bounds().unwrap_or((Point3::origin(), Point3::origin()));
+        let diameter = visual.mesh.diameter();
+        Self { info, visual: Arc::new(visual), collision, min, max, diameter }
+    }
+
     /// Extents of the bounding box, metres.
     pub fn size(&self) -> Vector3<f64> {
         self.max - self.min
