@@ -222,15 +222,16 @@ impl Mesh {
         // The new vertices that each old one became, with their normals.
         let mut copies: Vec<Vec<u32>> = vec![Vec::new(); self.positions.len()];
         for (index, t) in self.triangles.iter().enumerate() {
-            let own = facets[index].normalize();
+            // A facet without area has no direction of its own and takes that of its neighbours.
+            let own = facets[index].try_normalize(0.0);
             let triangle = t.map(|vertex| {
                 let old = vertex as usize;
                 let sum: Vector3<f64> = around[welded[old] as usize]
                     .iter()
                     .map(|&other| facets[other as usize])
-                    .filter(|facet| facet.norm() > 0.0 && facet.angle(&own) <= crease)
+                    .filter(|facet| own.is_none_or(|own| facet.norm() > 0.0 && facet.angle(&own) <= crease))
                     .sum();
-                let normal = sum.try_normalize(0.0).unwrap_or_else(|| own.try_normalize(0.0).unwrap_or_else(Vector3::z));
+                let normal = sum.try_normalize(0.0).or(own).unwrap_or_else(Vector3::z);
                 let normal: Vector3<f32> = normal.cast();
                 let same = copies[old].iter().find(|&&copy| (mesh.normals[copy as usize] - normal).norm() < 1e-4);
                 if let Some(&copy) = same {
@@ -342,6 +343,13 @@ mod tests {
         let smooth = mesh.compute_normals(3.0);
         assert_eq!(smooth.positions.len(), 8);
         assert!(smooth.positions.iter().zip(&smooth.normals).all(|(p, n)| p.coords.dot(n) > 0.7));
+    }
+
+    #[test]
+    fn facets_without_area_get_unit_normals() {
+        let mut mesh = cuboid([1.0; 3]);
+        mesh.triangles.extend([[0, 0, 1], [3, 3, 3]]);
+        assert!(mesh.compute_normals(0.5).validate().is_ok());
     }
 
     #[test]

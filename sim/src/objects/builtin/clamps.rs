@@ -123,7 +123,7 @@ fn clamp(arms: [&[[f64; 6]]; 2], pivot: [f64; 2], reach: [f64; 2]) -> BuiltIn {
         }));
         let last = rows.len() - 1;
         // Two rows to a piece round the bend of the jaw, more along the straight handle.
-        let breaks = [0, 2, 4, 6, 7, 9, 11, 14, last].map(|row| row * STEPS);
+        let breaks = [0, 2, 4, 6, 7, 9, 11, 14, last - 1, last].map(|row| row * STEPS);
         collision.extend(hulls(&rings, &breaks, 12));
     }
     let [low, high] = reach;

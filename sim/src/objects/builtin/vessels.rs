@@ -161,10 +161,10 @@ fn mug() -> BuiltIn {
     let handle = Part::loft(&loops, |_| plain(RED));
 
     let mut collision = vec![floor([37.0, -40.6], [40.4, -37.2])];
-    collision.extend(wall(&[[40.6, -37.2], [41.0, 40.0]], &[[38.4, -37.2], [38.6, 40.0]], 12));
+    collision.extend(wall(&[[40.6, -37.2], [41.0, 37.6]], &[[38.4, -37.2], [38.6, 37.6]], 10));
+    collision.extend(wall(&[[42.0, 37.4], [46.2, 38.4], [45.4, 40.4]], &[[38.8, 37.4], [40.4, 40.4]], 10));
     let mut collision = displaced(collision, axis);
-    // The rolled rim, as a second and thinner ring, would double the pieces; the wall alone carries a grasp.
-    collision.extend(hulls(&loops, &[0, 6, 11, 16, 21, 27], 10));
+    collision.extend(hulls(&loops, &[0, 7, 13, 20, 27], 10));
     BuiltIn { visual: lofts::visual(&[body, handle], 0.3, glaze(0.25, 25)), collision }
 }
 
@@ -180,7 +180,7 @@ fn pitcher() -> BuiltIn {
     const HANDLE: Color = [26, 68, 138];
     const TOP: f64 = 120.6;
     // The spout points away from the handle, which lies nearly along x = y.
-    const HANDLE_YAW: f64 = 43.8 / 180.0 * PI;
+    const HANDLE_YAW: f64 = 43.2 / 180.0 * PI;
     const SPOUT: f64 = HANDLE_YAW + PI;
     let axis = Vector3::new(-8.0 * MM, -6.8 * MM, 0.0);
     let cone = |z: f64| 53.5 + (z + 110.0) / 222.0 * 12.6;
@@ -218,10 +218,10 @@ fn pitcher() -> BuiltIn {
     let path = [
         [64.4, 101.0],
         [78.0, 100.0],
-        [91.0, 93.0],
-        [98.4, 78.0],
-        [99.6, 50.0],
-        [98.6, 20.0],
+        [92.0, 93.0],
+        [99.6, 78.0],
+        [100.8, 50.0],
+        [99.6, 20.0],
         [94.0, -6.0],
         [83.0, -25.0],
         [68.0, -38.0],
@@ -241,13 +241,12 @@ fn pitcher() -> BuiltIn {
         let (sin, cos) = (SPOUT + angle).sin_cos();
         Point3::new(radius * cos * MM, radius * sin * MM, z * MM)
     };
-    collision.push(hull(vec![
-        tip(-0.28, 64.5, 118.0),
-        tip(0.28, 64.5, 118.0),
-        tip(-0.08, 78.0, 118.0),
-        tip(0.08, 78.0, 118.0),
-        tip(0.0, 64.0, 84.0),
-    ]));
+    // The two sides of the spout, with the channel between them open.
+    collision.extend([-0.3, 0.3].map(|edge| {
+        let rim = [(edge, 66.5), (edge, 63.6), (0.0, 78.8), (0.0, 75.6)].map(|(angle, r)| tip(angle, r, TOP));
+        let foot = [tip(0.0, 64.8, 84.0), tip(0.0, 62.0, 84.0), tip(0.6 * edge, 63.6, 84.0)];
+        hull(rim.into_iter().chain(foot).collect())
+    }));
     let mut collision = displaced(collision, axis);
     collision.extend(hulls(&loops, &[0, 5, 9, 15, 19, 23, 27], 10));
     BuiltIn { visual: lofts::visual(&[body, handle], 0.4, glaze(0.3, 19)), collision }

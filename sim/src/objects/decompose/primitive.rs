@@ -1,6 +1,6 @@
 //! A box or a cylinder in place of a mesh, if its surface is one.
 
-use nalgebra::{Isometry3, Point3, Rotation3, Translation3, UnitQuaternion, Vector3};
+use nalgebra::{Isometry3, Matrix3, Point3, Rotation3, Translation3, UnitQuaternion, Vector3};
 
 use crate::mesh::Mesh;
 use crate::objects::collision_error;
@@ -17,8 +17,12 @@ const SAMPLES: usize = 4000;
 const YAW_STEPS: usize = 360;
 /// A sample belongs to a face if its normal is within this cosine of the face's.
 const FACING: f64 = 0.9;
-/// A face lies where this part of its samples is behind it, so that single bumps of the scan do not move it.
-const BEHIND: f64 = 0.98;
+/// A box's face lies where this part of its samples is behind it: near the outermost, but single bumps do not move it.
+const BOX_BEHIND: f64 = 0.9;
+/// The same for a cylinder's ends. A can stands on its rim, which is a small part of the lid.
+const END_BEHIND: f64 = 0.98;
+/// Rounds of turning the box's axes to the mean normals of its faces.
+const TURNS: usize = 5;
 
 /// A surface sample and its unit normal.
 type Sample = (Point3<f64>, Vector3<f64>);
@@ -50,11 +54,12 @@ pub(super) fn fit(mesh: &Mesh) -> Option<CollisionShape> {
         .map(|(_, shape)| shape)
 }
 
-/// The `BEHIND` quantile of the samples that face `direction`, along it. `None` if hardly any does.
-fn face(samples: &[Sample], direction: &Vector3<f64>) -> Option<f64> {
+/// Where a face towards `direction` lies along it, with the part `behind` of its samples behind it. `None` if hardly any
+/// sample faces there.
+fn face(samples: &[Sample], direction: &Vector3<f64>, behind: f64) -> Option<f64> {
     let facing = samples.iter().filter(|(_, normal)| normal.dot(direction) > FACING);
     let along = facing.map(|(point, _)| point.coords.dot(direction)).collect();
-    quantile(along, BEHIND)
+    quantile(along, behind)
 }
 
 fn quantile(mut values: Vec<f64>, part: f64) -> Option<f64> {
@@ -65,9 +70,9 @@ fn quantile(mut values: Vec<f64>, part: f64) -> Option<f64> {
     values.get((part * (values.len() - 1) as f64).round() as usize).copied()
 }
 
-/// A box that stands on the x-y plane, turned about z so that its faces face the way that the samples do.
+/// A box, turned so that its faces face the way that the samples do.
 fn cuboid(samples: &[Sample]) -> Option<CollisionShape> {
-    // The turn with the smallest footprint, from extents over all samples.
+    // Scans stand on z: the turn about it with the smallest footprint, from extents over all samples.
     let extent = |direction: Vector3<f64>| {
         let along = samples.iter().map(|(point, _)| point.coords.dot(&direction));
         let (low, high) = along.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), v| (low.min(v), high.max(v)));
@@ -81,11 +86,22 @@ fn cuboid(samples: &[Sample]) -> Option<CollisionShape> {
         })
         .min_by(|a, b| a.0.total_cmp(&b.0))?
         .1;
-    let turn = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), yaw);
+    let mut turn = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), yaw);
+    // They may lean a little, though.
+    for _ in 0..TURNS {
+        let axis_of = |axis: usize| -> Vector3<f64> {
+            let old = turn * Vector3::ith(axis, 1.0);
+            let normals = samples.iter().map(|(_, normal)| normal * normal.dot(&old).signum());
+            normals.filter(|normal| normal.dot(&old) > FACING).sum::<Vector3<f64>>().try_normalize(0.0).unwrap_or(old)
+        };
+        let axes = Matrix3::from_columns(&[axis_of(0), axis_of(1), axis_of(2)]);
+        // The rotation nearest to the three axes.
+        turn = UnitQuaternion::from_matrix_eps(&axes, 1e-9, 100, turn);
+    }
     let (mut center, mut half) = (Vector3::zeros(), Vector3::zeros());
     for axis in 0..3 {
         let direction = turn * Vector3::ith(axis, 1.0);
-        let (high, low) = (face(samples, &direction)?, -face(samples, &-direction)?);
+        let (high, low) = (face(samples, &direction, BOX_BEHIND)?, -face(samples, &-direction, BOX_BEHIND)?);
         center += direction * (high + low) / 2.0;
         half[axis] = (high - low) / 2.0;
     }
@@ -99,10 +115,10 @@ fn cuboid(samples: &[Sample]) -> Option<CollisionShape> {
 fn cylinder(samples: &[Sample], turn: UnitQuaternion<f64>) -> Option<CollisionShape> {
     let back = turn.inverse();
     let local: Vec<Sample> = samples.iter().map(|(point, normal)| (back * point, back * normal)).collect();
-    let (high, low) = (face(&local, &Vector3::z())?, -face(&local, &-Vector3::z())?);
+    let (high, low) = (face(&local, &Vector3::z(), END_BEHIND)?, -face(&local, &-Vector3::z(), END_BEHIND)?);
     let side: Vec<Point3<f64>> = local.iter().filter(|(_, n)| n.z.abs() < 0.3).map(|(p, _)| *p).collect();
     // A circle through the side: x² + y² = 2 a x + 2 b y + c, least squares (Kåsa, 1976).
-    let (mut normal_matrix, mut right) = (nalgebra::Matrix3::zeros(), Vector3::zeros());
+    let (mut normal_matrix, mut right) = (Matrix3::zeros(), Vector3::zeros());
     for p in &side {
         let row = Vector3::new(2.0 * p.x, 2.0 * p.y, 1.0);
         normal_matrix += row * row.transpose();
