@@ -5,7 +5,9 @@ use std::sync::Arc;
 
 use anyhow::{Context, Result};
 use grip_manip::{BeliefScene, BinGeometry, Planner, PlannerSettings};
-use grip_perception::{ClusterSettings, Clusters, GripEstimator, GripSettings, Workspace};
+use grip_perception::{
+    ClusterSettings, Clusters, Detection, Detections, GripEstimator, GripSettings, Workspace,
+};
 use grip_sim::camera::Intrinsics;
 use grip_sim::condition::Condition;
 use grip_sim::frame::CameraFrame;
@@ -176,6 +178,52 @@ impl Setup {
     pub fn grip(&self) -> Result<GripEstimator> {
         let settings = GripSettings { workspace: Some(self.workspace()), ..GripSettings::default() };
         Ok(GripEstimator::new(settings)?)
+    }
+
+    /// GRIP's second stage over the inside of the bin.
+    pub fn grip_in_bin(&self) -> Result<GripEstimator> {
+        let (low, high) = self.bin_space();
+        let workspace = Workspace { min: low, max: high };
+        Ok(GripEstimator::new(GripSettings { workspace: Some(workspace), ..GripSettings::default() })?)
+    }
+
+    /// The part of the image that shows the inside of the bin, as the one box for each of `models`.
+    pub fn bin_detections(&self, frame: &CameraFrame, models: &[Arc<ObjectModel>]) -> Result<Detections> {
+        let (low, high) = self.bin_space();
+        let camera_from_world = frame.world_from_camera.inverse();
+        let mut bbox = [f64::INFINITY, f64::INFINITY, f64::NEG_INFINITY, f64::NEG_INFINITY];
+        for corner in 0..8 {
+            let p = [0, 1, 2].map(|axis| if corner >> axis & 1 == 0 { low[axis] } else { high[axis] });
+            let in_camera = camera_from_world.transform_point(&Point3::from(p));
+            if let Some(at) = frame.intrinsics.project(&in_camera) {
+                bbox = [bbox[0].min(at.x), bbox[1].min(at.y), bbox[2].max(at.x), bbox[3].max(at.y)];
+            }
+        }
+        let (width, height) = (frame.intrinsics.width as f64 - 1.0, frame.intrinsics.height as f64 - 1.0);
+        let bbox = [
+            bbox[0].clamp(0.0, width),
+            bbox[1].clamp(0.0, height),
+            bbox[2].clamp(0.0, width),
+            bbox[3].clamp(0.0, height),
+        ];
+        let mut detections = Detections::new();
+        if bbox[0] <= bbox[2] && bbox[1] <= bbox[3] {
+            for model in models {
+                detections.push(&model.info.name, Detection { bbox, confidence: 1.0 })?;
+            }
+        }
+        Ok(detections)
+    }
+
+    /// The inside of the bin and what may stick out of it, as corners of a box in the world, metres.
+    fn bin_space(&self) -> ([f64; 3], [f64; 3]) {
+        let bin = &self.scene.bin;
+        let (low, high) = bin.outline();
+        let walls = bin.wall_thickness;
+        (
+            [low[0] + walls, low[1] + walls, bin.base_height],
+            [high[0] - walls, high[1] - walls, bin.base_height + 0.35],
+        )
     }
 
     /// The planner for this robot.

@@ -13,6 +13,7 @@ use grip_sim::physics::World;
 use grip_sim::pose::Pose;
 use grip_sim::render::Renderer;
 use indicatif::ProgressBar;
+use nalgebra::Point3;
 
 use crate::cli;
 use crate::outcome::{Clauses, ItemResult, Outcome, Stage, TRIAL_SCHEMA, TrialResult};
@@ -29,6 +30,8 @@ const MAX_ATTEMPTS: u32 = 3;
 const MAX_FRUITLESS_LOOKS: u32 = 2;
 /// Below this confidence an estimate is no target, only an obstacle.
 const CONFIDENT: f64 = 0.25;
+/// An item in the bin is not believed to have moved farther than this from where it was put, metres.
+const MOVED_IN_BIN_M: f64 = 0.12;
 /// Simulated seconds at the end of the trial for everything to come to rest.
 const FINAL_SETTLE_S: f64 = 4.0;
 /// Speed below which an item counts as at rest, m/s.
@@ -130,6 +133,7 @@ pub fn run(setup: &Setup, spec: Spec, renderer: &mut dyn Renderer, progress: &Pr
                 (ledgers[i].add_m, ledgers[i].adds_m) = (Some(add), Some(adds));
             }
         }
+        relook_at_bin(setup, spec.estimator, &world, &frame, &mut ledgers, look)?;
         if look == 0 {
             before = pictures::rgb_png(&frame.rgb)?;
         }
@@ -191,7 +195,7 @@ pub fn run(setup: &Setup, spec: Spec, renderer: &mut dyn Renderer, progress: &Pr
         ledger.failure = None;
         match failure_of(&report, &watch) {
             Some((outcome, stage, reason)) => ledger.fail(outcome, stage, reason),
-            None => ledger.believed_packed = Some(plan.world_from_object_released),
+            None => ledger.believed_packed = Some(plan.world_from_object_placed()),
         }
 
         // Back to where the camera sees the table, then count what was knocked out.
@@ -295,6 +299,40 @@ fn estimate(
     let models: Vec<_> = which.iter().map(|&i| setup.models[i].clone()).collect();
     let detections = detector.detect(frame, &models).context("detector")?;
     estimator.estimate(frame, &detections, &models, setup.stream(&format!("filter/{look}"))).context("estimator")
+}
+
+/// Looks again at what is believed to lie in the bin: things tip over when they are let go, and the next place is planned
+/// around them. A pose that is not confident, not in the bin, or far from where the item was put is not taken.
+fn relook_at_bin(
+    setup: &Setup,
+    estimator: cli::Estimator,
+    world: &World,
+    frame: &CameraFrame,
+    ledgers: &mut [Ledger],
+    look: usize,
+) -> Result<()> {
+    let inside: Vec<usize> = (0..ledgers.len()).filter(|&i| ledgers[i].believed_packed.is_some()).collect();
+    if inside.is_empty() {
+        return Ok(());
+    }
+    let posteriors = match estimator {
+        cli::Estimator::Truth => truth::posteriors(world, frame, &inside),
+        cli::Estimator::Grip => {
+            let models: Vec<_> = inside.iter().map(|&i| setup.models[i].clone()).collect();
+            let boxes = setup.bin_detections(frame, &models)?;
+            setup.grip_in_bin()?.estimate(frame, &boxes, &models, setup.stream(&format!("bin/{look}")))?
+        }
+    };
+    for (&i, posterior) in inside.iter().zip(&posteriors) {
+        ledgers[i].estimate_s += posterior.seconds;
+        let pose = frame.world_from_camera * posterior.best;
+        let centre = Point3::from(pose.translation());
+        let moved = ledgers[i].believed_packed.map_or(f64::INFINITY, |put| (put.translation() - centre.coords).norm());
+        if posterior.confidence >= CONFIDENT && moved < MOVED_IN_BIN_M && setup.scene.bin.contains(&centre, 0.1) {
+            ledgers[i].believed_packed = Some(pose);
+        }
+    }
+    Ok(())
 }
 
 /// The belief after a look: what was estimated with some confidence, and what was put into the bin where it was put.

@@ -75,10 +75,13 @@ pub struct ExecutorSettings {
     pub miss_width: f64,
     /// Change of the width while carrying that counts as lost, metres. Default 0.010.
     pub slip_limit: f64,
-    /// A lowering motion that meets something with less than this left lets go there, metres. Default 0.05.
+    /// A lowering motion that meets something with less than this left lets go there, metres. Default 0.1: on what
+    /// stands in its way in the bin, rather than to carry it about.
     pub early_release: f64,
     /// Share of the planned speed when backing off. Default 0.5.
     pub back_off: f64,
+    /// Most of a guarded motion that is taken back to relieve a contact, seconds of the plan. Default 0.3.
+    pub relief: f64,
 }
 
 impl Default for ExecutorSettings {
@@ -94,8 +97,9 @@ impl Default for ExecutorSettings {
             miss_share: 0.3,
             miss_width: 0.001,
             slip_limit: 0.010,
-            early_release: 0.05,
+            early_release: 0.1,
             back_off: 0.5,
+            relief: 0.3,
         }
     }
 }
@@ -368,7 +372,7 @@ impl<P: RobotPort, O: Observer> Run<'_, P, O> {
             }
             pressed = if self.port.contact_force() - baseline > limit { pressed + 1 } else { 0 };
             if pressed >= self.settings.force_periods {
-                return self.touched(trajectory, guard, gone, limit);
+                return self.touched(trajectory, guard, gone, limit, &offset, baseline);
             }
             if gone >= trajectory.duration {
                 break;
@@ -384,6 +388,8 @@ impl<P: RobotPort, O: Observer> Run<'_, P, O> {
         guard: Option<&Guard>,
         gone: f64,
         limit: f64,
+        offset: &[f64],
+        baseline: f64,
     ) -> Result<End, Stop> {
         // Stay where the contact was felt instead of pressing on.
         let measured = self.port.joints();
@@ -398,11 +404,31 @@ impl<P: RobotPort, O: Observer> Run<'_, P, O> {
                 guard.near
             };
             if left <= enough {
+                self.relieve(trajectory, gone, limit, offset, baseline)?;
                 return Ok(End::Stopped);
             }
             return Err(Stop { reason: format!("contact above {limit:.0} N with {left:.3} m to go"), gone });
         }
         Err(Stop { reason: format!("unexpected contact above {limit:.0} N"), gone })
+    }
+
+    /// Draws back the way it came until the contact hardly presses, so that nothing is squeezed while the fingers move.
+    fn relieve(
+        &mut self,
+        trajectory: &Trajectory,
+        gone: f64,
+        limit: f64,
+        offset: &[f64],
+        baseline: f64,
+    ) -> Result<(), Stop> {
+        let last = (gone - self.settings.relief).max(0.0);
+        let mut t = gone;
+        while t > last && self.port.contact_force() - baseline > 0.25 * limit {
+            t = (t - self.port.period() * self.settings.back_off).max(last);
+            self.aim(trajectory, t, offset);
+            self.tick().map_err(|reason| Stop { reason, gone: t })?;
+        }
+        Ok(())
     }
 
     /// Targets the trajectory at `t`, plus what is left of `offset` (none when empty).

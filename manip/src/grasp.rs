@@ -156,9 +156,15 @@ fn object_grasps(
         world_from_base: Pose::identity(),
     };
     let checker = CollisionChecker::new(robot.clone(), &alone);
-    let query = Query { held: None, allowed: &[], margins: Margins { world: 0.001, own: 0.0, spread: 0.0 } };
+    // Open fingers keep this far from the object, metres; the palm also keeps as far as pose error and servo lag may push
+    // the hand on: what a hand that went too far would run into, it must not run into.
+    const ROOM: f64 = 0.001;
+    const OVERSHOOT: f64 = 0.005;
+    let query = Query { held: None, allowed: &[], margins: Margins { world: ROOM, own: 0.0, spread: 0.0 } };
     let fits = |pose: &nalgebra::Isometry3<f64>, opening: f64| {
+        let too_far = pose * nalgebra::Translation3::new(OVERSHOOT, 0.0, 0.0);
         checker.hand_collision(pose, opening, &query).is_none()
+            && checker.hand_collision(&too_far, opening, &query).is_none()
     };
     ObjectGrasps {
         candidates: antipodal_grasps(model, &surface, gripper, settings, fits),

@@ -97,6 +97,6 @@ mod tests {
     #[test]
     fn fetch_field_of_view_is_sixty_degrees() {
         let k = Intrinsics::FETCH;
-        assert!((2.0 * (k.width as f64 / 2.0 / k.fx).atan() - 1.0472).abs() < 1e-3);
+        assert!((2.0 * (k.width as f64 / 2.0 / k.fx).atan() - 60_f64.to_radians()).abs() < 1e-3);
     }
 }

@@ -169,7 +169,7 @@ impl<'de, A, B> Deserialize<'de> for Pose<A, B> {
             quaternion: [w, i, j, k],
         } = PoseFile::deserialize(deserializer)?;
         let q = Quaternion::new(w, i, j, k);
-        if ![x, y, z].iter().all(|v| v.is_finite()) || !((q.norm() - 1.0).abs() < 1e-3) {
+        if ![x, y, z].iter().all(|v| v.is_finite()) || (q.norm() - 1.0).abs() > 1e-3 || q.norm().is_nan() {
             return Err(D::Error::custom(format!(
                 "not a pose: translation [{x}, {y}, {z}] must be finite and quaternion [{w}, {i}, {j}, {k}] (w, x, y, z) of unit length"
             )));

@@ -58,7 +58,11 @@ pub fn drop_objects(
         let outcome = laid_out.and_then(|()| {
             let settled = world.settle(SETTLE_S);
             if !settled.at_rest {
-                return Err(format!("not at rest after {SETTLE_S} s"));
+                let speeds = (0..world.object_count()).map(|i| (world.speed(i), i));
+                let restless = speeds.max_by(|a, b| a.0.total_cmp(&b.0));
+                let (speed, i) = restless.unwrap_or((0.0, 0));
+                let name = &world.object(i).info.name;
+                return Err(format!("{name} still moves at {:.1} mm/s after {SETTLE_S} s", speed * 1e3));
             }
             astray(&world, scene).map_or(Ok(settled.seconds), Err)
         });
@@ -138,13 +142,23 @@ fn spread(world: &mut World, scene: &Scene, models: &[Arc<ObjectModel>], random:
             outlines.push(([p.x, p.y], reach(model, &placed.pose.rotation()).1));
         }
     }
-    for model in models {
-        if let Some(placed) = placed(model) {
-            world.add_object(model.clone(), &placed.pose)?;
+    // The widest objects choose first, while there is room; they enter the world in the scene's order.
+    let turned: Vec<_> = models
+        .iter()
+        .map(|model| {
+            let rotation = orientation(model, region.lying_fraction, random);
+            let (below, radius) = reach(model, &rotation);
+            (rotation, below, radius)
+        })
+        .collect();
+    let mut order: Vec<usize> = (0..models.len()).collect();
+    order.sort_by(|&a, &b| turned[b].2.total_cmp(&turned[a].2));
+    let mut poses: Vec<_> = models.iter().map(|model| placed(model).map(|p| p.pose)).collect();
+    for i in order {
+        if poses[i].is_some() {
             continue;
         }
-        let rotation = orientation(model, region.lying_fraction, random);
-        let (below, radius) = reach(model, &rotation);
+        let (rotation, below, radius) = turned[i];
         let place = (0..PLACES).find_map(|_| {
             let at = somewhere(region, 1.0, random);
             let free = outlines.iter().all(|(other, r)| {
@@ -155,12 +169,14 @@ fn spread(world: &mut World, scene: &Scene, models: &[Arc<ObjectModel>], random:
             (free && clear && inside(&scene.table, at[0], at[1], EDGE_M)).then_some(at)
         });
         let Some([x, y]) = place else {
-            return Ok(Err(format!("no free place for {}", model.info.name)));
+            return Ok(Err(format!("no free place for {}", models[i].info.name)));
         };
         outlines.push(([x, y], radius));
         let z = scene.table.height + below + DROP_M;
-        let pose = Isometry3::from_parts(Translation3::new(x, y, z), rotation);
-        world.add_object(model.clone(), &Pose::new(pose))?;
+        poses[i] = Some(Pose::new(Isometry3::from_parts(Translation3::new(x, y, z), rotation)));
+    }
+    for (model, pose) in models.iter().zip(poses.into_iter().flatten()) {
+        world.add_object(model.clone(), &pose)?;
     }
     Ok(Ok(()))
 }

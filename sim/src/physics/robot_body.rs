@@ -21,6 +21,10 @@ const SERVO_ACCELERATION: f64 = 2.5;
 /// Normal force on a link (not a finger) that trips the protective stop, newtons. Of the order of what joint torque
 /// supervision of a Fetch-sized arm notices.
 const LINK_STOP_N: f64 = 80.0;
+/// Steps in a row for which it must last: such supervision is filtered, and a guarded motion gets to react first.
+const LINK_STOP_STEPS: u32 = 12;
+/// Steps after a stop was cleared during which force does not stop the arm again, so that it can back out.
+const GRACE_STEPS: u32 = 180;
 /// Stiffness of a finger drive, N/m, and its damping, N s/m.
 const FINGER_STIFFNESS: f32 = 2.0e4;
 const FINGER_DAMPING: f32 = 200.0;
@@ -140,11 +144,24 @@ pub(super) struct RobotBody {
     acceleration: Vec<f64>,
     finger_target: f64,
     pub stop: Option<Stop>,
+    /// Steps in a row with too much force on a link.
+    overload: u32,
+    /// Steps for which force may not stop the arm, after a stop was cleared.
+    grace: u32,
     /// World poses of all links at `q`, fingers as physics has them.
     pub link_poses: Vec<Isometry3<f64>>,
 }
 
 impl RobotBody {
+    /// Lets the arm move again after a protective stop.
+    pub fn clear_stop(&mut self) {
+        if self.stop.take().is_none() {
+            return;
+        }
+        self.overload = 0;
+        self.grace = GRACE_STEPS;
+    }
+
     pub fn insert(
         physics: &mut PhysicsWorld,
         model: Arc<RobotModel>,
@@ -201,6 +218,8 @@ impl RobotBody {
             acceleration,
             finger_target,
             stop: None,
+            overload: 0,
+            grace: 0,
             link_poses,
             world_from_base,
             model,
@@ -282,6 +301,9 @@ impl RobotBody {
                 self.link_poses[finger.link] = world_from_finger;
             }
         }
+        let overloaded = contacts.link_force.is_some_and(|(newtons, _)| newtons > LINK_STOP_N);
+        self.grace = self.grace.saturating_sub(1);
+        self.overload = if overloaded && self.grace == 0 { self.overload + 1 } else { 0 };
         if self.stop.is_none() {
             self.stop = self.reason_to_stop(contacts, fixed);
         }
@@ -289,7 +311,7 @@ impl RobotBody {
 
     /// Kinematic bodies make no contacts with fixed ones, so arm against table and bin is asked of parry here.
     fn reason_to_stop(&self, contacts: &Contacts, fixed: &[(Pose, SharedShape)]) -> Option<Stop> {
-        if let Some((newtons, link)) = contacts.link_force.filter(|(newtons, _)| *newtons > LINK_STOP_N) {
+        if let Some((newtons, link)) = contacts.link_force.filter(|_| self.overload >= LINK_STOP_STEPS) {
             return Some(Stop::Force { link: self.model.links()[link].name.clone(), newtons });
         }
         if self.qd.iter().all(|v| v.abs() < 1e-6) {

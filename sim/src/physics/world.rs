@@ -310,7 +310,7 @@ impl World {
 
     /// Lets the arm move again after a protective stop.
     pub fn clear_stop(&mut self) {
-        self.robot.stop = None;
+        self.robot.clear_stop();
     }
 
     /// Simulated seconds since the world was built.
