@@ -144,7 +144,7 @@ impl Mesh {
                 ));
             }
         }
-        if let Some(index) = self.normals.iter().position(|n| !((n.norm() - 1.0).abs() < 1e-2)) {
+        if let Some(index) = self.normals.iter().position(|n| !(0.99..1.01).contains(&n.norm())) {
             return Err(format!("the normal of vertex {index} is not of unit length"));
         }
         match self.uvs.iter().position(|uv| !uv.iter().all(|v| v.abs() < FAR)) {
@@ -260,7 +260,7 @@ impl Mesh {
                 total
             })
             .collect();
-        if !(total > 0.0) {
+        if total <= 0.0 || !total.is_finite() {
             return Vec::new();
         }
         (0..count)
