@@ -39,12 +39,7 @@ pub struct Material {
 
 impl Default for Material {
     fn default() -> Self {
-        Self {
-            base_color: [0.8, 0.8, 0.8],
-            roughness: 0.7,
-            metallic: 0.0,
-            texture: None,
-        }
+        Self { base_color: [0.8, 0.8, 0.8], roughness: 0.7, metallic: 0.0, texture: None }
     }
 }
 
@@ -66,10 +61,8 @@ impl Mesh {
     /// Corners of the axis-aligned bounding box of all vertices, metres; `None` for a mesh without vertices.
     pub fn bounds(&self) -> Option<(Point3<f64>, Point3<f64>)> {
         let first = self.positions.first()?;
-        let (low, high) = self
-            .positions
-            .iter()
-            .fold((*first, *first), |(low, high), p| (low.inf(p), high.sup(p)));
+        let (low, high) =
+            self.positions.iter().fold((*first, *first), |(low, high), p| (low.inf(p), high.sup(p)));
         Some((low.cast(), high.cast()))
     }
 
@@ -151,7 +144,7 @@ impl Mesh {
                 ));
             }
         }
-        if let Some(index) = self.normals.iter().position(|n| !((n.norm() - 1.0).abs() < 1e-2)) {
+        if let Some(index) = self.normals.iter().position(|n| !(0.99..1.01).contains(&n.norm())) {
             return Err(format!("the normal of vertex {index} is not of unit length"));
         }
         match self.uvs.iter().position(|uv| !uv.iter().all(|v| v.abs() < FAR)) {
@@ -233,7 +226,8 @@ impl Mesh {
                     .sum();
                 let normal = sum.try_normalize(0.0).or(own).unwrap_or_else(Vector3::z);
                 let normal: Vector3<f32> = normal.cast();
-                let same = copies[old].iter().find(|&&copy| (mesh.normals[copy as usize] - normal).norm() < 1e-4);
+                let same =
+                    copies[old].iter().find(|&&copy| (mesh.normals[copy as usize] - normal).norm() < 1e-4);
                 if let Some(&copy) = same {
                     return copy;
                 }
@@ -266,7 +260,7 @@ impl Mesh {
                 total
             })
             .collect();
-        if !(total > 0.0) {
+        if total <= 0.0 || !total.is_finite() {
             return Vec::new();
         }
         (0..count)
@@ -357,7 +351,9 @@ mod tests {
         let mesh = cuboid([0.1, 0.2, 0.4]);
         let samples = mesh.sample_surface(1000, &mut crate::rng::stream(1, "test"));
         let on = |p: &Point3<f64>| {
-            (p.x.abs() - 0.05).abs() < 1e-6 || (p.y.abs() - 0.1).abs() < 1e-6 || (p.z.abs() - 0.2).abs() < 1e-6
+            (p.x.abs() - 0.05).abs() < 1e-6
+                || (p.y.abs() - 0.1).abs() < 1e-6
+                || (p.z.abs() - 0.2).abs() < 1e-6
         };
         assert!(samples.iter().all(on));
         // Two faces of 0.1 x 0.2 out of an area of 0.28.

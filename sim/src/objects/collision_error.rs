@@ -184,7 +184,8 @@ mod tests {
     fn a_box_against_itself_whole_or_in_two_halves_is_exact() {
         let whole = cuboid([0.05; 3], [0.0; 3]);
         let mesh = mesh_of(&whole);
-        let halves = [cuboid([0.025, 0.05, 0.05], [-0.025, 0.0, 0.0]), cuboid([0.025, 0.05, 0.05], [0.025, 0.0, 0.0])];
+        let halves =
+            [cuboid([0.025, 0.05, 0.05], [-0.025, 0.0, 0.0]), cuboid([0.025, 0.05, 0.05], [0.025, 0.0, 0.0])];
         for shapes in [&[whole][..], &halves] {
             let error = between(&mesh, shapes);
             assert!(error.max_m < 1e-6, "{error:?}");
@@ -212,7 +213,8 @@ mod tests {
         for name in library.names() {
             let model = library.load(name).unwrap();
             let error = collision_error(&model);
-            let thin = model.size().min() < 0.025 || ["024_bowl", "025_mug", "019_pitcher_base"].contains(&name);
+            let thin =
+                model.size().min() < 0.025 || ["024_bowl", "025_mug", "019_pitcher_base"].contains(&name);
             println!(
                 "{name:24} {:3} pieces  mean {:5.2} mm  max {:5.2} mm",
                 model.collision.len(),

@@ -103,10 +103,14 @@ mod tests {
         let mesh = can();
         assert!(mesh.is_closed());
         let shapes = decompose_with(&mesh, None).unwrap();
-        let [CollisionShape { pose, geometry: Convex::Cylinder { half_height, radius } }] = shapes.as_slice() else {
+        let [CollisionShape { pose, geometry: Convex::Cylinder { half_height, radius } }] = shapes.as_slice()
+        else {
             panic!("{shapes:?}");
         };
-        assert!((radius - 0.034).abs() < 2e-4 && (half_height - 0.051).abs() < 1e-5, "{radius} {half_height}");
+        assert!(
+            (radius - 0.034).abs() < 2e-4 && (half_height - 0.051).abs() < 1e-5,
+            "{radius} {half_height}"
+        );
         assert!((pose.translation.vector - Vector3::new(0.002, 0.0, 0.0)).norm() < 2e-4);
     }
 

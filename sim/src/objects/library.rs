@@ -99,7 +99,8 @@ fn built_in(info: ObjectInfo) -> Result<ObjectModel> {
 ///
 /// A folder that holds `obj_*.ply` is a BOP models folder, any other one the official YCB layout.
 pub fn resolve_set(ycb_flag: Option<PathBuf>) -> ObjectSet {
-    let from_environment = || std::env::var_os("GRIP_YCB_DIR").filter(|value| !value.is_empty()).map(PathBuf::from);
+    let from_environment =
+        || std::env::var_os("GRIP_YCB_DIR").filter(|value| !value.is_empty()).map(PathBuf::from);
     match ycb_flag.or_else(from_environment) {
         None => ObjectSet::BuiltIn,
         Some(folder) if holds_bop_models(&folder) => ObjectSet::Bop(folder),
@@ -168,10 +169,17 @@ mod tests {
             mesh.validate().unwrap_or_else(|error| panic!("{name}: {error}"));
             assert!(mesh.is_closed(), "{name} is not closed");
             assert!(mesh.volume() > 0.0, "{name} is inside out");
-            assert!((model.min.coords + model.max.coords).norm() < 1e-4, "{name}: {} {}", model.min, model.max);
+            assert!(
+                (model.min.coords + model.max.coords).norm() < 1e-4,
+                "{name}: {} {}",
+                model.min,
+                model.max
+            );
             assert!(!model.collision.is_empty(), "{name}");
             assert!(model.collision.iter().all(|shape| crate::convert::solid(shape).is_some()), "{name}");
-            assert!(model.diameter <= model.size().norm() + 1e-9 && model.diameter >= model.size().max() - 1e-9);
+            assert!(
+                model.diameter <= model.size().norm() + 1e-9 && model.diameter >= model.size().max() - 1e-9
+            );
         }
     }
 

@@ -28,11 +28,13 @@ pub fn load_obj(path: &Path) -> Result<Visual> {
     std::fs::metadata(path).map_err(|source| Error::io(path, source))?;
     let (models, materials) = tobj::load_obj(path, &tobj::GPU_LOAD_OPTIONS)
         .map_err(|error| invalid(format!("not a readable OBJ file: {error}")))?;
-    let materials =
-        materials.map_err(|error| invalid(format!("its material library (mtllib): {error}; it belongs beside the OBJ")))?;
+    let materials = materials.map_err(|error| {
+        invalid(format!("its material library (mtllib): {error}; it belongs beside the OBJ"))
+    })?;
 
     let mut mesh = Mesh::default();
-    let textured = models.iter().all(|model| model.mesh.texcoords.len() / 2 == model.mesh.positions.len() / 3);
+    let textured =
+        models.iter().all(|model| model.mesh.texcoords.len() / 2 == model.mesh.positions.len() / 3);
     let colored = models.iter().all(|model| model.mesh.vertex_color.len() == model.mesh.positions.len());
     for model in &models {
         let part = &model.mesh;
@@ -56,7 +58,9 @@ pub fn load_obj(path: &Path) -> Result<Visual> {
     let mut material = Material::default();
     if let Some(name) = used.iter().find_map(|material| material.diffuse_texture.as_ref()) {
         if !textured {
-            return Err(invalid(format!("names the texture '{name}' but has vertices without texture coordinates (vt)")));
+            return Err(invalid(format!(
+                "names the texture '{name}' but has vertices without texture coordinates (vt)"
+            )));
         }
         material.texture = Some(load_texture(path, name)?);
     } else if let Some(diffuse) = used.iter().find_map(|material| material.diffuse) {
@@ -81,7 +85,8 @@ pub fn load_ply(path: &Path, unit_scale: f64) -> Result<Visual> {
         invalid(format!("not a readable PLY file, or cut off{at}: {error}"))
     })?;
     let vertices = ply.payload.get("vertex").ok_or_else(|| invalid("has no element 'vertex'".into()))?;
-    let faces = ply.payload.get("face").ok_or_else(|| invalid("has no element 'face': holds no triangles".into()))?;
+    let faces =
+        ply.payload.get("face").ok_or_else(|| invalid("has no element 'face': holds no triangles".into()))?;
 
     let mut mesh = Mesh::default();
     let first = vertices.first().ok_or_else(|| invalid("has no vertices".into()))?;
@@ -89,7 +94,9 @@ pub fn load_ply(path: &Path, unit_scale: f64) -> Result<Visual> {
     if !has(&["x", "y", "z"]) {
         return Err(invalid("its vertices lack x, y or z".into()));
     }
-    let number = |vertex: &DefaultElement, name: &str| vertex.get(name).and_then(Property::to_f32_lossy).unwrap_or(f32::NAN);
+    let number = |vertex: &DefaultElement, name: &str| {
+        vertex.get(name).and_then(Property::to_f32_lossy).unwrap_or(f32::NAN)
+    };
     let uv_names = [["texture_u", "texture_v"], ["s", "t"], ["u", "v"]].into_iter().find(|names| has(names));
     let normals = has(&["nx", "ny", "nz"]);
     let colors = has(&["red", "green", "blue"]);
@@ -118,7 +125,10 @@ pub fn load_ply(path: &Path, unit_scale: f64) -> Result<Visual> {
             return Err(invalid(format!("face {index} is empty")));
         };
         if rest.len() < 2 {
-            return Err(invalid(format!("face {index} has {} vertices; three or more make a face", corners.len())));
+            return Err(invalid(format!(
+                "face {index} has {} vertices; three or more make a face",
+                corners.len()
+            )));
         }
         mesh.triangles.extend(rest.windows(2).map(|pair| [*first, pair[0], pair[1]]));
     }
@@ -141,7 +151,8 @@ pub fn load_ply(path: &Path, unit_scale: f64) -> Result<Visual> {
 /// Checks the mesh, and sees to normals and to which colours count.
 fn finish(path: &Path, mut mesh: Mesh, mut material: Material) -> Result<Visual> {
     let count = mesh.positions.len();
-    let usable = mesh.normals.len() == count && mesh.normals.iter().all(|n| n.norm() > 1e-6 && n.norm() < 1e6);
+    let usable =
+        mesh.normals.len() == count && mesh.normals.iter().all(|n| n.norm() > 1e-6 && n.norm() < 1e6);
     if usable {
         for normal in &mut mesh.normals {
             normal.normalize_mut();
@@ -171,7 +182,10 @@ fn load_texture(mesh: &Path, name: &str) -> Result<Arc<RgbImage>> {
     let path: PathBuf = mesh.parent().unwrap_or(Path::new(".")).join(name.replace('\\', "/"));
     let bytes = std::fs::read(&path).map_err(|source| Error::io(&path, source))?;
     let image = image::load_from_memory(&bytes).map_err(|error| {
-        Error::invalid(&path, format!("{error}: not a whole PNG or JPEG; it is the texture of {}", mesh.display()))
+        Error::invalid(
+            &path,
+            format!("{error}: not a whole PNG or JPEG; it is the texture of {}", mesh.display()),
+        )
     })?;
     Ok(Arc::new(image.to_rgb8()))
 }
@@ -284,7 +298,9 @@ mod tests {
             assert!(message.contains(wanted), "{to}: {message}");
             assert!(wanted == "gone.png" || message.contains("a.ply"), "{to}: {message}");
         }
-        assert!(load_ply(Path::new("/nowhere/x.ply"), 1.0).unwrap_err().to_string().contains("/nowhere/x.ply"));
+        assert!(
+            load_ply(Path::new("/nowhere/x.ply"), 1.0).unwrap_err().to_string().contains("/nowhere/x.ply")
+        );
     }
 
     #[test]

@@ -153,6 +153,9 @@ pub(super) fn visual(parts: &[Part], roughness: f32, texture: Canvas) -> Visual 
     Visual { mesh: Arc::new(mesh), material }
 }
 
+/// What makes two corners one vertex: point, colour, the bits of the texture point, rounded normal.
+type VertexKey = (usize, [u8; 3], [u32; 2], [i32; 3]);
+
 fn append(mesh: &mut Mesh, part: &Part) {
     let area_normals: Vec<Vector3<f64>> = part
         .triangles
@@ -167,7 +170,7 @@ fn append(mesh: &mut Mesh, part: &Part) {
     }
     let limit = CREASE.cos();
     // Looked up by key alone, so that the map's order never shows in the mesh.
-    let mut seen: HashMap<(usize, [u8; 3], [u32; 2], [i32; 3]), u32> = HashMap::new();
+    let mut seen: HashMap<VertexKey, u32> = HashMap::new();
     for (face, corners) in part.triangles.iter().enumerate() {
         let own = area_normals[face].normalize();
         let mut triangle = [0; 3];

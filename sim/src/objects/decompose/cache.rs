@@ -37,9 +37,9 @@ fn path(folder: &Path, key: &str) -> PathBuf {
 pub(super) fn read(folder: &Path, key: &str) -> Option<Vec<CollisionShape>> {
     let path = path(folder, key);
     let bytes = std::fs::read(&path).ok()?;
-    let sound = serde_json::from_slice::<Entry>(&bytes).ok().filter(|entry| {
-        entry.key == key && !entry.shapes.is_empty() && entry.shapes.iter().all(is_sound)
-    });
+    let sound = serde_json::from_slice::<Entry>(&bytes)
+        .ok()
+        .filter(|entry| entry.key == key && !entry.shapes.is_empty() && entry.shapes.iter().all(is_sound));
     if sound.is_none() {
         log::warn!("{}: the cached collision pieces are damaged; computing them again", path.display());
     }
@@ -52,7 +52,9 @@ fn is_sound(shape: &CollisionShape) -> bool {
         Convex::Cuboid { half } => positive(half.as_slice()),
         Convex::Cylinder { half_height, radius } => positive(&[*half_height, *radius]),
         Convex::Sphere { radius } => positive(&[*radius]),
-        Convex::Hull { points } => points.len() >= 4 && points.iter().flat_map(|p| p.iter()).all(|v| v.abs() < 10.0),
+        Convex::Hull { points } => {
+            points.len() >= 4 && points.iter().flat_map(|p| p.iter()).all(|v| v.abs() < 10.0)
+        }
     };
     let unit = (shape.pose.rotation.norm() - 1.0).abs() < 1e-6;
     let near = shape.pose.translation.vector.iter().all(|v| v.abs() < 10.0);
@@ -73,7 +75,10 @@ pub(super) fn write(folder: &Path, key: &str, shapes: &[CollisionShape]) {
         Ok(())
     };
     if let Err(error) = store() {
-        log::warn!("{}: cannot keep collision pieces: {error}; set GRIP_CACHE_DIR to a writable folder", path.display());
+        log::warn!(
+            "{}: cannot keep collision pieces: {error}; set GRIP_CACHE_DIR to a writable folder",
+            path.display()
+        );
     }
 }
 

@@ -12,7 +12,7 @@ use crate::rng;
 use crate::shape::{CollisionShape, Convex};
 
 /// Everything below that shapes the result, for the cache's key.
-pub(super) const PARAMETERS: &str = "resolution 64, concavity 0.004/0.002, hulls 32/64, points 32, gap 0.5 mm";
+pub(super) const PARAMETERS: &str = "resolution 64, concavity 0.004/0.003, points 32, gap 0.5 mm";
 
 /// Most points of a hull.
 const MAX_POINTS: usize = 32;
@@ -22,7 +22,7 @@ const POINT_GAP: f64 = 2e-4;
 const COVER_GAP: f64 = 5e-4;
 /// Surface samples that must be covered.
 const COVER_SAMPLES: usize = 4000;
-/// A solid that fills less than this part of its hull has thin walls or arms, and gets more and finer hulls.
+/// A solid that fills less than this part of its hull has thin walls or arms, and is cut more finely.
 const THIN: f64 = 0.35;
 
 /// Hulls that together stand for the solid inside `mesh`.
@@ -40,8 +40,9 @@ pub(super) fn decompose(mesh: &Mesh) -> Result<Vec<CollisionShape>, String> {
     }
     .volume();
     let thin = mesh.volume() < THIN * hull_volume;
-    let (concavity, max_convex_hulls) = if thin { (0.002, 64) } else { (0.004, 32) };
-    let parameters = VHACDParameters { resolution: 64, concavity, max_convex_hulls, ..VHACDParameters::default() };
+    // The number of hulls stays open: parry turns a limit into a depth of cuts, and a mug's cavity stays filled at depth 6.
+    let concavity = if thin { 0.003 } else { 0.004 };
+    let parameters = VHACDParameters { resolution: 64, concavity, ..VHACDParameters::default() };
     let parts = VHACD::decompose(&parameters, &points, &mesh.triangles, true)
         .compute_exact_convex_hulls(&points, &mesh.triangles);
     let mut parts: Vec<Vec<Vector>> = parts.into_iter().map(|(points, _)| points).collect();
@@ -78,7 +79,8 @@ fn cover(mesh: &Mesh, parts: &mut [Vec<Vector>]) {
 /// point farthest outside is added. `None` if the points have no volume.
 fn few_points(points: &[Vector]) -> Option<Vec<Point3<f64>>> {
     let (corners, _) = try_convex_hull(points).ok()?;
-    let exact = |points: &[Vector]| points.iter().map(|p| Point3::from(convert::from_vector(*p))).collect::<Vec<_>>();
+    let exact =
+        |points: &[Vector]| points.iter().map(|p| Point3::from(convert::from_vector(*p))).collect::<Vec<_>>();
     if corners.len() <= 8 {
         return is_solid(&corners).then(|| exact(&corners));
     }
@@ -87,7 +89,8 @@ fn few_points(points: &[Vector]) -> Option<Vec<Point3<f64>>> {
         .map(|i| Vector::new(f32::from(i % 3 - 1), f32::from(i / 3 % 3 - 1), f32::from(i / 9 - 1)))
         .filter(|direction| matches!(direction.length_squared(), 1.0 | 3.0))
         .filter_map(|direction| {
-            (0..corners.len()).max_by(|&a, &b| corners[a].dot(direction).total_cmp(&corners[b].dot(direction)))
+            (0..corners.len())
+                .max_by(|&a, &b| corners[a].dot(direction).total_cmp(&corners[b].dot(direction)))
         })
         .collect();
     kept.sort_unstable();
@@ -97,7 +100,10 @@ fn few_points(points: &[Vector]) -> Option<Vec<Point3<f64>>> {
         let farthest = planes(&chosen).map(|planes| {
             let outside = |p: &Vector| {
                 let p = convert::from_vector(*p);
-                planes.iter().map(|(normal, offset)| normal.dot(&p) - offset).fold(f64::NEG_INFINITY, f64::max)
+                planes
+                    .iter()
+                    .map(|(normal, offset)| normal.dot(&p) - offset)
+                    .fold(f64::NEG_INFINITY, f64::max)
             };
             (0..corners.len())
                 .filter(|index| !kept.contains(index))

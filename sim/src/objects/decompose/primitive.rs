@@ -75,7 +75,8 @@ fn cuboid(samples: &[Sample]) -> Option<CollisionShape> {
     // Scans stand on z: the turn about it with the smallest footprint, from extents over all samples.
     let extent = |direction: Vector3<f64>| {
         let along = samples.iter().map(|(point, _)| point.coords.dot(&direction));
-        let (low, high) = along.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), v| (low.min(v), high.max(v)));
+        let (low, high) =
+            along.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), v| (low.min(v), high.max(v)));
         high - low
     };
     let yaw = (0..YAW_STEPS)
@@ -92,7 +93,11 @@ fn cuboid(samples: &[Sample]) -> Option<CollisionShape> {
         let axis_of = |axis: usize| -> Vector3<f64> {
             let old = turn * Vector3::ith(axis, 1.0);
             let normals = samples.iter().map(|(_, normal)| normal * normal.dot(&old).signum());
-            normals.filter(|normal| normal.dot(&old) > FACING).sum::<Vector3<f64>>().try_normalize(0.0).unwrap_or(old)
+            normals
+                .filter(|normal| normal.dot(&old) > FACING)
+                .sum::<Vector3<f64>>()
+                .try_normalize(0.0)
+                .unwrap_or(old)
         };
         let axes = Matrix3::from_columns(&[axis_of(0), axis_of(1), axis_of(2)]);
         // The rotation nearest to the three axes.
