@@ -1,13 +1,16 @@
 //! Accuracy and time of the filter over random synthetic scenes. `cargo run --release -p grip-perception --example
-//! pose_accuracy -- [scenes] [gap in metres] [key=value settings]`
+//! pose_accuracy -- [scenes] [gap in metres] [key=value settings]
+//! [builtin]`
 #![allow(missing_docs, clippy::unwrap_used, clippy::print_stdout)]
 
 #[path = "../tests/common/mod.rs"]
 mod common;
 
 use std::collections::BTreeMap;
+use std::path::Path;
 
 use grip_perception::{Clusters, Detector, GripEstimator, GripSettings, PoseEstimator};
+use grip_sim::objects::{ObjectLibrary, ObjectSet};
 use grip_sim::rng;
 use rand::seq::SliceRandom;
 
@@ -34,14 +37,23 @@ fn main() {
     let overrides: Vec<String> = arguments.extract_if(.., |a| a.contains('=')).collect();
     let scenes: u64 = arguments.first().map_or(10, |a| a.parse().unwrap());
     let gap: f64 = arguments.get(1).map_or(0.01, |a| a.parse().unwrap());
-    let models_dir = common::data("ycbv-real-frame/models").unwrap();
+    // The scans where they are at hand, else the built-in models.
     let ids = [2, 3, 4, 5, 6, 9, 10, 12, 13, 14, 15, 17, 18, 21];
-    let models: Vec<_> = ids.iter().map(|&i| common::bop_object(&models_dir, i)).collect();
+    let scans = common::data("ycbv-real-frame/models").filter(|_| !arguments.iter().any(|a| a == "builtin"));
+    let models: Vec<_> = match &scans {
+        Some(folder) => ids.map(|i| common::bop_object(folder, i)).to_vec(),
+        None => {
+            let table = Path::new(env!("CARGO_MANIFEST_DIR")).join("../scenes/objects.toml");
+            let library = ObjectLibrary::open(&table, ObjectSet::BuiltIn).unwrap();
+            ids.map(|i| library.load(common::NAMES[i - 1]).unwrap()).to_vec()
+        }
+    };
+    println!("models: {}", if scans.is_some() { "scans" } else { "built-in" });
     let estimator = GripEstimator::new(settings(&overrides)).unwrap();
     let detector = Clusters::default();
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
 
-    let mut table: BTreeMap<String, Vec<Row>> = BTreeMap::new();
+    let mut rows_of: BTreeMap<String, Vec<Row>> = BTreeMap::new();
     let mut absent: Vec<(f64, f64)> = Vec::new();
     let (mut detect_seconds, mut whole, mut searched) = (0.0, 0.0, 0usize);
     for n in 0..scenes {
@@ -79,7 +91,7 @@ fn main() {
                             p.restarts
                         );
                     }
-                    table.entry(p.object.clone()).or_default().push((
+                    rows_of.entry(p.object.clone()).or_default().push((
                         error,
                         p.score,
                         p.confidence,
@@ -114,7 +126,7 @@ fn main() {
             mean(|r| r.4) * 1e3
         );
     };
-    for (name, rows) in &table {
+    for (name, rows) in &rows_of {
         row(name, rows);
         all.extend(rows.iter().copied());
     }
