@@ -33,7 +33,7 @@ const CONFIDENT: f64 = 0.25;
 /// An item in the bin is not believed to have moved farther than this from where it was put, metres.
 const MOVED_IN_BIN_M: f64 = 0.12;
 /// Simulated seconds at the end of the trial for everything to come to rest.
-const FINAL_SETTLE_S: f64 = 4.0;
+const FINAL_SETTLE_S: f64 = 8.0;
 /// Speed below which an item counts as at rest, m/s.
 const AT_REST_M_S: f64 = 0.01;
 
@@ -422,6 +422,7 @@ fn finish(setup: &Setup, world: &World, ledgers: &mut [Ledger], items: usize) ->
         .take(items)
         .map(|(i, ledger)| {
             ledger.clauses.in_bin = score::in_bin(world, &setup.scene, i) && world.speed(i) < AT_REST_M_S;
+            log::debug!("{}: {:.2} mm/s", setup.models[i].info.name, world.speed(i) * 1e3);
             let (outcome, stage, reason) = verdict(ledger);
             ItemResult {
                 object: setup.models[i].info.name.clone(),
