@@ -97,7 +97,7 @@ per_machine! {
 }
 
 #[inline(always)]
-fn render_body(
+pub(super) fn render_body(
     raster: &mut Raster,
     lod: &Lod,
     pose: &Isometry3<f32>,

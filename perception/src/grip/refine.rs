@@ -40,7 +40,13 @@ fn difference(before: F8, at: F8, after: F8) -> F8 {
 }
 
 #[inline(always)]
-fn accumulate_body(tile: &Tile, level: &Level, kernel: f32, centre: &Vector3<f32>, radius: f32) -> Sums {
+pub(super) fn accumulate_body(
+    tile: &Tile,
+    level: &Level,
+    kernel: f32,
+    centre: &Vector3<f32>,
+    radius: f32,
+) -> Sums {
     let (zero, one) = (F8::ZERO, F8::all(1.0));
     let kernel = F8::all(kernel.max(MIN_KERNEL));
     let (fx, fy) = (F8::all(level.fx), F8::all(level.fy));

@@ -36,7 +36,7 @@ per_machine! {
 }
 
 #[inline(always)]
-fn compare_body(tile: &Tile, level: &Level, kernel: f32) -> Terms {
+pub(super) fn compare_body(tile: &Tile, level: &Level, kernel: f32) -> Terms {
     let (zero, one, kernel) = (F8::ZERO, F8::all(1.0), F8::all(kernel));
     let (values, pitch) = (tile.values(), tile.pitch());
     let mut sums = [F8::ZERO; 7];

@@ -13,9 +13,9 @@ use proptest::prelude::*;
 
 use super::lod::Model;
 use super::observation::Observation;
-use super::raster::{Raster, render};
-use super::refine::{accumulate, step};
-use super::score::compare;
+use super::raster::{Raster, render, render_body};
+use super::refine::{accumulate, accumulate_body, step};
+use super::score::{compare, compare_body};
 use super::settings::GripSettings;
 
 fn model(positions: Vec<Point3<f32>>, triangles: Vec<[u32; 3]>) -> Model {
@@ -218,6 +218,32 @@ fn holes_are_neutral_and_depth_values_of_any_kind_do_no_harm() {
     let holed = Observation::new(&frame, &settings());
     let (a, b) = (score(&model, &pose, &whole, 1, 1.0), score(&model, &pose, &holed, 1, 1.0));
     assert!((a - b).abs() < 0.02, "{a} {b}");
+}
+
+/// The version for this machine against the baseline: where the machine has nothing better, they are one.
+#[test]
+fn the_same_bits_whatever_the_instruction_set() {
+    let model = skew_box([0.06, 0.09, 0.14]);
+    let observation = observe(&model, &placed(0.0, 0.0, 0.9, Vector3::new(0.5, 0.4, 0.3)));
+    let bits = |values: &[f32]| values.iter().map(|x| x.to_bits()).collect::<Vec<_>>();
+    for i in 0..60 {
+        let x = i as f32;
+        let pose = placed(0.01 * x.sin(), 0.01 * x.cos(), 0.9, Vector3::new(x, 0.3 * x, 0.1));
+        for stride in [1, 2, 4] {
+            let level = observation.level(stride);
+            let (mut fast, mut plain) = (Raster::default(), Raster::default());
+            let lod = model.lod(200);
+            assert_eq!(
+                render(&mut fast, lod, &pose, level, None),
+                render_body(&mut plain, lod, &pose, level, None)
+            );
+            assert_eq!(bits(fast.tile.values()), bits(plain.tile.values()));
+            assert_eq!(compare(&fast.tile, level, 2.0), compare_body(&plain.tile, level, 2.0));
+            let centre = pose.translation.vector;
+            let sums = accumulate(&fast.tile, level, 2.0, &centre, model.radius);
+            assert_eq!(bits(&sums), bits(&accumulate_body(&plain.tile, level, 2.0, &centre, model.radius)));
+        }
+    }
 }
 
 proptest! {
