@@ -26,7 +26,10 @@ impl RunDir {
     /// When `target` may not be written to, or exists and is not an earlier run.
     pub fn begin(target: &Path) -> Result<Self> {
         if target.exists() && !replaceable(target) {
-            bail!("{}: exists and is not the folder of an earlier run; choose another --out", target.display());
+            bail!(
+                "{}: exists and is not the folder of an earlier run; choose another --out",
+                target.display()
+            );
         }
         let parent = match target.parent() {
             Some(parent) if !parent.as_os_str().is_empty() => parent,

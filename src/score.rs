@@ -72,7 +72,8 @@ impl Watch {
 
     /// The carry is over.
     pub fn carried(&mut self, world: &World) {
-        self.clauses.held_after_carry = world.contacts(self.object).pinched(PRESSING_N) && self.is_clear(world);
+        self.clauses.held_after_carry =
+            world.contacts(self.object).pinched(PRESSING_N) && self.is_clear(world);
     }
 
     /// Whether the object touches nothing but the hand.
@@ -149,7 +150,9 @@ pub fn whereabouts(world: &World, scene: &Scene) -> Vec<Whereabouts> {
 pub fn knocked_out(before: &[Whereabouts], after: &[Whereabouts], handled: usize) -> Vec<usize> {
     (0..before.len())
         .filter(|&i| i != handled && before[i] != Whereabouts::Lost)
-        .filter(|&i| after[i] == Whereabouts::Lost || (before[i] == Whereabouts::Bin && after[i] != Whereabouts::Bin))
+        .filter(|&i| {
+            after[i] == Whereabouts::Lost || (before[i] == Whereabouts::Bin && after[i] != Whereabouts::Bin)
+        })
         .collect()
 }
 

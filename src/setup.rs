@@ -11,10 +11,10 @@ use grip_perception::{
 use grip_sim::camera::Intrinsics;
 use grip_sim::condition::Condition;
 use grip_sim::frame::CameraFrame;
+use grip_sim::images::LabelImage;
 use grip_sim::mesh::Visual;
 use grip_sim::objects::{ObjectLibrary, ObjectModel, resolve_set};
 use grip_sim::physics::{Dropped, World, drop_objects};
-use grip_sim::images::LabelImage;
 use grip_sim::pose::{Camera, Object, Pose, World as WorldFrame};
 use grip_sim::render::{self, Instance, RenderScene, Renderer, Rendering};
 use grip_sim::robot::{RobotConfig, RobotModel};
@@ -91,7 +91,12 @@ impl Setup {
 
     /// Takes a picture with the head camera as the robot stands. `shot` numbers the pictures of a run, so that each has
     /// noise of its own.
-    pub fn capture(&self, world: &World, renderer: &mut dyn Renderer, shot: usize) -> Result<(CameraFrame, Rendering)> {
+    pub fn capture(
+        &self,
+        world: &World,
+        renderer: &mut dyn Renderer,
+        shot: usize,
+    ) -> Result<(CameraFrame, Rendering)> {
         let view = world.render_scene(&self.furniture);
         let mut random = grip_sim::rng::stream(self.seed, &format!("sensor/{shot}"));
         Ok(sensor::capture(

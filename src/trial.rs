@@ -66,7 +66,6 @@ struct Ledger {
     attempts: u32,
     /// The executor says that it lies in the bin, and where.
     believed_packed: Option<Pose<grip_sim::pose::World, grip_sim::pose::Object>>,
-    given_up: bool,
     failure: Option<(Outcome, Stage, String)>,
     clauses: Clauses,
     add_m: Option<f64>,
@@ -83,8 +82,20 @@ impl Ledger {
         self.failure = Some((outcome, stage, reason.into()));
     }
 
+    fn record_errors(&mut self, add_and_adds: Option<(f64, f64)>) {
+        self.add_m = add_and_adds.map(|(add, _)| add);
+        self.adds_m = add_and_adds.map(|(_, adds)| adds);
+    }
+
+    /// Why an item was not even tried again; what an attempt has shown weighs more.
+    fn pass_over(&mut self, outcome: Outcome, stage: Stage, reason: impl Into<String>) {
+        if self.attempts == 0 {
+            self.fail(outcome, stage, reason);
+        }
+    }
+
     fn is_open(&self) -> bool {
-        self.believed_packed.is_none() && !self.given_up && self.attempts < MAX_ATTEMPTS
+        self.believed_packed.is_none() && self.attempts < MAX_ATTEMPTS
     }
 }
 
@@ -116,7 +127,11 @@ pub fn run(setup: &Setup, spec: Spec, renderer: &mut dyn Renderer, progress: &Pr
         }
         let look = looks.len();
         let packed = ledgers.iter().filter(|l| l.believed_packed.is_some()).count();
-        progress.set_message(format!("look {}: estimating poses ({packed} of {} packed)", look + 1, spec.items));
+        progress.set_message(format!(
+            "look {}: estimating poses ({packed} of {} packed)",
+            look + 1,
+            spec.items
+        ));
 
         // Look and estimate everything that is not believed to be in the bin.
         let (frame, _) = setup.capture(&world, renderer, look)?;
@@ -125,12 +140,15 @@ pub fn run(setup: &Setup, spec: Spec, renderer: &mut dyn Renderer, progress: &Pr
             cli::Estimator::Truth => truth::posteriors(&world, &frame, &out),
             cli::Estimator::Grip => estimate(setup, detector.as_ref(), &grip, &frame, &out, look)?,
         };
+        let mut errors = vec![None; ledgers.len()];
         for (&i, posterior) in out.iter().zip(&posteriors) {
             ledgers[i].estimate_s += posterior.seconds;
             let truth = frame.world_from_camera.inverse() * world.truth(i);
             let (add, adds) = score::pose_errors(world.object(i), &truth, &posterior.best);
-            if ledgers[i].is_open() {
-                (ledgers[i].add_m, ledgers[i].adds_m) = (Some(add), Some(adds));
+            errors[i] = Some((add, adds));
+            // After an attempt the errors of the look before it stay.
+            if ledgers[i].attempts == 0 {
+                ledgers[i].record_errors(errors[i]);
             }
         }
         relook_at_bin(setup, spec.estimator, &world, &frame, &mut ledgers, look)?;
@@ -140,11 +158,16 @@ pub fn run(setup: &Setup, spec: Spec, renderer: &mut dyn Renderer, progress: &Pr
 
         // Believe, and plan for the first open object that can be packed.
         let (belief, belief_index) = believe(setup, &frame, &out, &posteriors, &ledgers);
-        let order: Vec<usize> = pick_order(&belief).into_iter().filter(|&b| open.contains(&belief_index[b])).collect();
+        let order: Vec<usize> =
+            pick_order(&belief).into_iter().filter(|&b| open.contains(&belief_index[b])).collect();
         for &i in &open {
             if !order.iter().any(|&b| belief_index[b] == i) {
                 let confidence = out.iter().position(|&o| o == i).map_or(0.0, |p| posteriors[p].confidence);
-                ledgers[i].fail(Outcome::NotPerceived, Stage::Look, format!("confidence {confidence:.2}"));
+                ledgers[i].pass_over(
+                    Outcome::NotPerceived,
+                    Stage::Look,
+                    format!("confidence {confidence:.2}"),
+                );
             }
         }
         let mut chosen = None;
@@ -152,7 +175,12 @@ pub fn run(setup: &Setup, spec: Spec, renderer: &mut dyn Renderer, progress: &Pr
             let i = belief_index[b];
             progress.set_message(format!("look {}: planning for {}", look + 1, setup.models[i].info.name));
             let clock = Instant::now();
-            let plan = planner.plan_pick_place(&belief, b, world.joints(), setup.stream(&format!("plan/{look}/{i}")));
+            let plan = planner.plan_pick_place(
+                &belief,
+                b,
+                world.joints(),
+                setup.stream(&format!("plan/{look}/{i}")),
+            );
             ledgers[i].plan_s += clock.elapsed().as_secs_f64();
             match plan {
                 Ok(plan) => {
@@ -167,7 +195,7 @@ pub fn run(setup: &Setup, spec: Spec, renderer: &mut dyn Renderer, progress: &Pr
                         }
                         _ => Outcome::NoPath,
                     };
-                    ledgers[i].fail(outcome, Stage::Plan, failure.to_string());
+                    ledgers[i].pass_over(outcome, Stage::Plan, failure.to_string());
                 }
             }
         }
@@ -189,6 +217,7 @@ pub fn run(setup: &Setup, spec: Spec, renderer: &mut dyn Renderer, progress: &Pr
         let (report, watch) = act(setup, &mut world, i, &plan);
         let ledger = &mut ledgers[i];
         ledger.attempts += 1;
+        ledger.record_errors(errors[i]);
         ledger.clauses = watch.clauses;
         ledger.slip_m = watch.slip_m;
         ledger.peak_force_n = ledger.peak_force_n.max(world.peak_force(i));
@@ -298,7 +327,9 @@ fn estimate(
 ) -> Result<Vec<PosePosterior>> {
     let models: Vec<_> = which.iter().map(|&i| setup.models[i].clone()).collect();
     let detections = detector.detect(frame, &models).context("detector")?;
-    estimator.estimate(frame, &detections, &models, setup.stream(&format!("filter/{look}"))).context("estimator")
+    estimator
+        .estimate(frame, &detections, &models, setup.stream(&format!("filter/{look}")))
+        .context("estimator")
 }
 
 /// Looks again at what is believed to lie in the bin: things tip over when they are let go, and the next place is planned
@@ -327,8 +358,13 @@ fn relook_at_bin(
         ledgers[i].estimate_s += posterior.seconds;
         let pose = frame.world_from_camera * posterior.best;
         let centre = Point3::from(pose.translation());
-        let moved = ledgers[i].believed_packed.map_or(f64::INFINITY, |put| (put.translation() - centre.coords).norm());
-        if posterior.confidence >= CONFIDENT && moved < MOVED_IN_BIN_M && setup.scene.bin.contains(&centre, 0.1) {
+        let moved = ledgers[i]
+            .believed_packed
+            .map_or(f64::INFINITY, |put| (put.translation() - centre.coords).norm());
+        if posterior.confidence >= CONFIDENT
+            && moved < MOVED_IN_BIN_M
+            && setup.scene.bin.contains(&centre, 0.1)
+        {
             ledgers[i].believed_packed = Some(pose);
         }
     }
@@ -362,7 +398,9 @@ fn believe(
     for (&i, posterior) in which.iter().zip(posteriors) {
         if posterior.confidence >= CONFIDENT {
             let pose = frame.world_from_camera * posterior.best;
-            add(i, pose, posterior.position_std_m, posterior.confidence, false);
+            // What fell into the bin on the way is not fetched out of it again.
+            let packed = setup.scene.bin.contains(&Point3::from(pose.translation()), 0.1);
+            add(i, pose, posterior.position_std_m, posterior.confidence, packed);
         }
     }
     for (i, ledger) in ledgers.iter().enumerate() {

@@ -12,7 +12,8 @@ fn complaint(edit: impl Fn(String) -> String) -> String {
     let folder = tempfile::tempdir().unwrap();
     let scene = edited_scene(folder.path(), edit);
     let out = folder.path().join("out");
-    let output = grip(&["render", scene.to_str().unwrap(), "--renderer", "cpu", "--out", out.to_str().unwrap()]);
+    let output =
+        grip(&["render", scene.to_str().unwrap(), "--renderer", "cpu", "--out", out.to_str().unwrap()]);
     assert_eq!(code(&output), 2, "{}", stderr(&output));
     assert_eq!(stdout(&output), "");
     let left: Vec<_> = fs::read_dir(folder.path()).unwrap().map(|e| e.unwrap().file_name()).collect();

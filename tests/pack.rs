@@ -15,7 +15,9 @@ fn pack(args: &[&str]) -> (Value, Value) {
     assert!(code(&output) < 2, "{}", stderr(&output));
     let printed: Value = serde_json::from_str(&stdout(&output)).expect("stdout is one JSON object");
     let saved = std::fs::read_to_string(out.join("result.json")).unwrap();
-    for file in ["report.html", "scenario.json", "frames/00_rgb.png", "frames/00_depth.png", "frames/00_overlay.png"] {
+    for file in
+        ["report.html", "scenario.json", "frames/00_rgb.png", "frames/00_depth.png", "frames/00_overlay.png"]
+    {
         assert!(out.join(file).exists(), "{file}");
     }
     let page = std::fs::read_to_string(out.join("report.html")).unwrap();

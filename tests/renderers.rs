@@ -57,7 +57,11 @@ fn wgpu_and_cpu_agree_on_depth_and_labels() {
     let label_share = same.len() as f64 / pixels as f64;
     let close = same.iter().filter(|&&i| cpu.depth_mm[i].abs_diff(wgpu.depth_mm[i]) <= 1).count();
     let depth_share = close as f64 / same.len() as f64;
-    println!("labels equal on {:.3} %, depth within 1 mm on {:.3} %", label_share * 100.0, depth_share * 100.0);
+    println!(
+        "labels equal on {:.3} %, depth within 1 mm on {:.3} %",
+        label_share * 100.0,
+        depth_share * 100.0
+    );
     assert!(label_share >= 0.995, "{label_share}");
     assert!(depth_share >= 0.995, "{depth_share}");
     // The pictures show something: all five objects, the robot or not.

@@ -23,53 +23,26 @@ pub struct Intrinsics {
 
 impl Intrinsics {
     /// The Fetch head camera as in its public description: 640x480, horizontal field of view 1.0472 rad.
-    pub const FETCH: Self = Self {
-        width: 640,
-        height: 480,
-        fx: 554.26,
-        fy: 554.26,
-        cx: 319.5,
-        cy: 239.5,
-    };
+    pub const FETCH: Self = Self { width: 640, height: 480, fx: 554.26, fy: 554.26, cx: 319.5, cy: 239.5 };
     /// The Fetch head camera as calibrated by the GRIP paper's authors for their data set.
-    pub const GRIP_PAPER: Self = Self {
-        width: 640,
-        height: 480,
-        fx: 542.556,
-        fy: 542.556,
-        cx: 322.065,
-        cy: 222.214,
-    };
+    pub const GRIP_PAPER: Self =
+        Self { width: 640, height: 480, fx: 542.556, fy: 542.556, cx: 322.065, cy: 222.214 };
 
     /// The image point of a point in the optical frame; `None` when it is not in front of the camera.
     pub fn project(&self, p: &Point3<f64>) -> Option<Point2<f64>> {
-        (p.z > 1e-9)
-            .then(|| Point2::new(self.fx * p.x / p.z + self.cx, self.fy * p.y / p.z + self.cy))
+        (p.z > 1e-9).then(|| Point2::new(self.fx * p.x / p.z + self.cx, self.fy * p.y / p.z + self.cy))
     }
 
     /// The point in the optical frame that image point (u, v) shows at `depth` metres along the axis.
     pub fn back_project(&self, u: f64, v: f64, depth: f64) -> Point3<f64> {
-        Point3::new(
-            (u - self.cx) / self.fx * depth,
-            (v - self.cy) / self.fy * depth,
-            depth,
-        )
+        Point3::new((u - self.cx) / self.fx * depth, (v - self.cy) / self.fy * depth, depth)
     }
 
     /// What is wrong with these numbers, if anything.
     pub fn problem(&self) -> Option<String> {
-        let Self {
-            width,
-            height,
-            fx,
-            fy,
-            cx,
-            cy,
-        } = *self;
+        let Self { width, height, fx, fy, cx, cy } = *self;
         if !(16..=8192).contains(&width) || !(16..=8192).contains(&height) {
-            return Some(format!(
-                "image size {width}x{height}: each side must be 16 to 8192 pixels"
-            ));
+            return Some(format!("image size {width}x{height}: each side must be 16 to 8192 pixels"));
         }
         let focal = |f: f64| f.is_finite() && f > 1.0 && f < 1e6;
         if !focal(fx) || !focal(fy) || !cx.is_finite() || !cy.is_finite() {

@@ -49,9 +49,7 @@ pub fn from_pose(pose: &ParryPose) -> Isometry3<f64> {
 pub fn solid(shape: &CollisionShape) -> Option<(ParryPose, SharedShape)> {
     let at = pose(&shape.pose);
     Some(match &shape.geometry {
-        Convex::Cuboid { half } => {
-            (at, SharedShape::cuboid(half.x as f32, half.y as f32, half.z as f32))
-        }
+        Convex::Cuboid { half } => (at, SharedShape::cuboid(half.x as f32, half.y as f32, half.z as f32)),
         Convex::Sphere { radius } => (at, SharedShape::ball(*radius as f32)),
         Convex::Cylinder { half_height, radius } => {
             let y_to_z = UnitQuaternion::from_axis_angle(&Vector3::x_axis(), std::f64::consts::FRAC_PI_2);

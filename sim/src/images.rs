@@ -22,20 +22,12 @@ pub type RadianceImage = Image<[f32; 3]>;
 impl<T: Clone> Image<T> {
     /// An image of one value.
     pub fn filled(width: usize, height: usize, value: T) -> Self {
-        Self {
-            width,
-            height,
-            data: vec![value; width * height],
-        }
+        Self { width, height, data: vec![value; width * height] }
     }
 
     /// From row-major data; `None` unless `data.len() == width * height`.
     pub fn from_vec(width: usize, height: usize, data: Vec<T>) -> Option<Self> {
-        (data.len() == width * height).then_some(Self {
-            width,
-            height,
-            data,
-        })
+        (data.len() == width * height).then_some(Self { width, height, data })
     }
 
     /// Columns.

@@ -75,10 +75,7 @@ impl<A, B> std::fmt::Debug for Pose<A, B> {
 impl<A, B> Pose<A, B> {
     /// Declares that `iso` maps frame `B` to frame `A`.
     pub fn new(iso: Isometry3<f64>) -> Self {
-        Self {
-            iso,
-            frames: PhantomData,
-        }
+        Self { iso, frames: PhantomData }
     }
 
     /// The frames coincide.
@@ -154,30 +151,21 @@ struct PoseFile {
 impl<A, B> Serialize for Pose<A, B> {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         let (t, q) = (self.iso.translation.vector, self.iso.rotation);
-        PoseFile {
-            translation: [t.x, t.y, t.z],
-            quaternion: [q.w, q.i, q.j, q.k],
-        }
-        .serialize(serializer)
+        PoseFile { translation: [t.x, t.y, t.z], quaternion: [q.w, q.i, q.j, q.k] }.serialize(serializer)
     }
 }
 
 impl<'de, A, B> Deserialize<'de> for Pose<A, B> {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        let PoseFile {
-            translation: [x, y, z],
-            quaternion: [w, i, j, k],
-        } = PoseFile::deserialize(deserializer)?;
+        let PoseFile { translation: [x, y, z], quaternion: [w, i, j, k] } =
+            PoseFile::deserialize(deserializer)?;
         let q = Quaternion::new(w, i, j, k);
         if ![x, y, z].iter().all(|v| v.is_finite()) || (q.norm() - 1.0).abs() > 1e-3 || q.norm().is_nan() {
             return Err(D::Error::custom(format!(
                 "not a pose: translation [{x}, {y}, {z}] must be finite and quaternion [{w}, {i}, {j}, {k}] (w, x, y, z) of unit length"
             )));
         }
-        Ok(Self::new(Isometry3::from_parts(
-            Translation3::new(x, y, z),
-            UnitQuaternion::from_quaternion(q),
-        )))
+        Ok(Self::new(Isometry3::from_parts(Translation3::new(x, y, z), UnitQuaternion::from_quaternion(q))))
     }
 }
 
@@ -203,9 +191,7 @@ mod tests {
         let b: Pose<World, Object> = serde_json::from_str(&text).unwrap();
         assert!((a.translation() - b.translation()).norm() < 1e-12 && a.angle_to(&b) < 1e-7);
         let bad = r#"{"translation":[0,0,0],"quaternion":[2,0,0,0]}"#;
-        let error = serde_json::from_str::<Pose<World, Object>>(bad)
-            .unwrap_err()
-            .to_string();
+        let error = serde_json::from_str::<Pose<World, Object>>(bad).unwrap_err().to_string();
         assert!(error.contains("unit length"), "{error}");
     }
 }

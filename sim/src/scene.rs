@@ -172,7 +172,8 @@ impl Scene {
     /// [`Error::Io`] when it cannot be read; [`Error::Invalid`] naming field, value and what to try.
     pub fn load(path: &Path) -> Result<Self> {
         let text = std::fs::read_to_string(path).map_err(|e| Error::io(path, e))?;
-        let scene: Self = toml::from_str(&text).map_err(|e| Error::invalid(path, e.to_string().trim_end()))?;
+        let scene: Self =
+            toml::from_str(&text).map_err(|e| Error::invalid(path, e.to_string().trim_end()))?;
         scene.validate().map_err(|message| Error::invalid(path, message))?;
         Ok(scene)
     }

@@ -1,5 +1,7 @@
 //! Running the program as a user does.
 
+#![allow(dead_code, clippy::expect_used, reason = "helpers of tests, each of which uses some")]
+
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
@@ -36,7 +38,6 @@ pub fn stdout(output: &Output) -> String {
 }
 
 /// A copy of the default scene in `folder` with `edit` applied; its robot and conditions are named by absolute paths.
-#[allow(dead_code)]
 pub fn edited_scene(folder: &Path, edit: impl Fn(String) -> String) -> PathBuf {
     let text = std::fs::read_to_string(root().join("scenes/grocery.toml")).expect("default scene");
     let robots = root().join("robots");

@@ -15,9 +15,9 @@
 mod contacts;
 mod placement;
 mod robot_body;
-mod view;
 #[cfg(test)]
 mod tests;
+mod view;
 mod world;
 
 pub use contacts::{Body, FingerContact, ObjectContacts};

@@ -20,6 +20,8 @@ const ATTEMPTS: u64 = 40;
 const DROP_M: f64 = 0.004;
 /// A dropped object must come to rest this far inside the table's edge, metres.
 const EDGE_M: f64 = 0.03;
+/// Outlines keep this far from the bin, metres: an open hand fits between.
+const BIN_GAP_M: f64 = 0.06;
 /// Longest simulated time to wait for rest, seconds.
 const SETTLE_S: f64 = 8.0;
 
@@ -130,7 +132,12 @@ fn orientation(model: &ObjectModel, lying_fraction: f64, random: &mut ChaCha8Rng
 
 type LaidOut = std::result::Result<(), String>;
 
-fn spread(world: &mut World, scene: &Scene, models: &[Arc<ObjectModel>], random: &mut ChaCha8Rng) -> Result<LaidOut> {
+fn spread(
+    world: &mut World,
+    scene: &Scene,
+    models: &[Arc<ObjectModel>],
+    random: &mut ChaCha8Rng,
+) -> Result<LaidOut> {
     const PLACES: usize = 400;
     let region = &scene.objects;
     let placed = |model: &ObjectModel| region.placed.iter().find(|p| p.name == model.info.name);
@@ -165,7 +172,7 @@ fn spread(world: &mut World, scene: &Scene, models: &[Arc<ObjectModel>], random:
                 let apart = ((at[0] - other[0]).powi(2) + (at[1] - other[1]).powi(2)).sqrt();
                 apart >= radius + r + region.gap
             });
-            let clear = scene.bin.distance(at[0], at[1]) >= radius + region.gap;
+            let clear = scene.bin.distance(at[0], at[1]) >= radius + region.gap.max(BIN_GAP_M);
             (free && clear && inside(&scene.table, at[0], at[1], EDGE_M)).then_some(at)
         });
         let Some([x, y]) = place else {
@@ -189,7 +196,12 @@ fn somewhere(region: &ObjectPlacement, share: f64, random: &mut ChaCha8Rng) -> [
     })
 }
 
-fn stack(world: &mut World, scene: &Scene, models: &[Arc<ObjectModel>], random: &mut ChaCha8Rng) -> Result<LaidOut> {
+fn stack(
+    world: &mut World,
+    scene: &Scene,
+    models: &[Arc<ObjectModel>],
+    random: &mut ChaCha8Rng,
+) -> Result<LaidOut> {
     /// Share of the region on which the heap is dropped.
     const PATCH: f64 = 0.55;
     /// Time given to each object to fall on the heap before the next one follows, seconds.
@@ -202,8 +214,7 @@ fn stack(world: &mut World, scene: &Scene, models: &[Arc<ObjectModel>], random: 
         let heap = (0..world.object_count())
             .map(|i| world.truth(i).translation().z + world.object(i).diameter / 2.0)
             .fold(scene.table.height, f64::max);
-        let pose =
-            Isometry3::from_parts(Translation3::new(at[0], at[1], heap + below + DROP_M), rotation);
+        let pose = Isometry3::from_parts(Translation3::new(at[0], at[1], heap + below + DROP_M), rotation);
         world.add_object(model.clone(), &Pose::new(pose))?;
         world.settle(FALL_S);
     }

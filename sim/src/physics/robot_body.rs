@@ -55,7 +55,11 @@ fn link_groups() -> InteractionGroups {
 }
 
 fn finger_groups() -> InteractionGroups {
-    InteractionGroups::new(FINGER_GROUP, FIXTURE_GROUP | OBJECT_GROUP | FINGER_GROUP, InteractionTestMode::And)
+    InteractionGroups::new(
+        FINGER_GROUP,
+        FIXTURE_GROUP | OBJECT_GROUP | FINGER_GROUP,
+        InteractionTestMode::And,
+    )
 }
 
 /// What the gripper is told to do.
@@ -172,7 +176,8 @@ impl RobotBody {
         let gripper = config.gripper.link;
         let finger_joints = config.gripper.fingers;
         let finger_links = finger_joints.map(|joint| model.joints()[joint].child);
-        let link_poses: Vec<_> = model.fk(&q).iter().map(|base_from_link| world_from_base * base_from_link).collect();
+        let link_poses: Vec<_> =
+            model.fk(&q).iter().map(|base_from_link| world_from_base * base_from_link).collect();
 
         let mut links = Vec::new();
         let mut gripper_body = None;
@@ -201,9 +206,8 @@ impl RobotBody {
             links.push(LinkBody { body, link: index, moves: is_moved(&model, index), shapes });
         }
         let gripper_body = gripper_body.ok_or_else(|| flat_shape(&model, "the gripper link"))?;
-        let fingers = [0, 1].map(|side| {
-            insert_finger(physics, &model, gripper_body, &link_poses, finger_joints[side], side)
-        });
+        let fingers = [0, 1]
+            .map(|side| insert_finger(physics, &model, gripper_body, &link_poses, finger_joints[side], side));
         let [right, left] = fingers;
         let acceleration =
             config.limits.iter().map(|l| l.acceleration * SERVO_ACCELERATION).collect::<Vec<_>>();
@@ -361,7 +365,9 @@ impl RobotBody {
 fn flat_shape(model: &RobotModel, link: &str) -> Error {
     Error::Robot {
         robot: model.name().to_string(),
-        message: format!("{link}: a collision shape has no volume; give it a box, cylinder, sphere or a closed mesh"),
+        message: format!(
+            "{link}: a collision shape has no volume; give it a box, cylinder, sphere or a closed mesh"
+        ),
     }
 }
 
@@ -389,12 +395,19 @@ fn insert_finger(
     let link = data.child;
     let pose = convert::pose(&link_poses[link]);
     let body = physics.insert_body(
-        RigidBodyBuilder::dynamic().pose(pose).gravity_scale(0.0).can_sleep(false).additional_mass_properties(
-            MassProperties::new(Vector::ZERO, FINGER_MASS, Vector::splat(FINGER_INERTIA)),
-        ),
+        RigidBodyBuilder::dynamic()
+            .pose(pose)
+            .gravity_scale(0.0)
+            .can_sleep(false)
+            .additional_mass_properties(MassProperties::new(
+                Vector::ZERO,
+                FINGER_MASS,
+                Vector::splat(FINGER_INERTIA),
+            )),
     );
     for shape in &model.links()[link].collisions {
-        let (at, solid) = convert::solid(shape).ok_or_else(|| flat_shape(model, &model.links()[link].name))?;
+        let (at, solid) =
+            convert::solid(shape).ok_or_else(|| flat_shape(model, &model.links()[link].name))?;
         physics.insert_collider(
             ColliderBuilder::new(solid)
                 .position(at)

@@ -116,7 +116,11 @@ fn the_table_carries_exactly_the_weight() {
             sum += world.contacts(i).support_force / 120.0;
         }
     }
-    assert!((sum - 0.8 * 9.81).abs() < 0.02 * 0.8 * 9.81, "mean support force {sum} N, weight {} N", 0.8 * 9.81);
+    assert!(
+        (sum - 0.8 * 9.81).abs() < 0.02 * 0.8 * 9.81,
+        "mean support force {sum} N, weight {} N",
+        0.8 * 9.81
+    );
     assert!((world.lowest_point(i) - TABLE).abs() < 1e-3, "{}", world.lowest_point(i));
 }
 
@@ -136,7 +140,10 @@ fn the_same_steps_give_the_same_bits() {
     let run = || {
         let (mut world, _) = world();
         for i in 0..3 {
-            let pose = Pose::from_xyz_rpy([0.7, 0.02 * f64::from(i), TABLE + 0.1 + 0.12 * f64::from(i)], [0.3, 0.2, 0.1]);
+            let pose = Pose::from_xyz_rpy(
+                [0.7, 0.02 * f64::from(i), TABLE + 0.1 + 0.12 * f64::from(i)],
+                [0.3, 0.2, 0.1],
+            );
             world.add_object(block([0.04, 0.03, 0.05], 0.4, 0.6), &pose).unwrap();
         }
         world.settle(2.0);
@@ -224,7 +231,10 @@ fn friction_and_force_alone_decide_whether_a_block_is_lifted() {
         (world.lowest_point(i) - TABLE, world.contacts(i).pinched(1.0), world.stop().cloned())
     };
     let (height, pinched, stop) = lifted(30.0);
-    assert!(height > 0.09 && pinched && stop.is_none(), "30 N: risen {height} m, pinched {pinched}, {stop:?}");
+    assert!(
+        height > 0.09 && pinched && stop.is_none(),
+        "30 N: risen {height} m, pinched {pinched}, {stop:?}"
+    );
     let (height, _, _) = lifted(4.0);
     assert!(height < 0.02, "4 N cannot lift 1 kg, but it rose {height} m");
 }
@@ -245,7 +255,11 @@ fn the_arm_keeps_its_velocity_and_acceleration_limits() {
             let (v, limits) = (world.joint_velocities()[joint], robot.joints()[joint].limits);
             assert!(v.abs() <= limits.velocity + 1e-9, "{}: {v}", robot.joints()[joint].name);
             let a = (v - before[joint]).abs() / dt;
-            assert!(a <= 2.5 * config.limits[joint].acceleration + 1e-6, "{}: {a}", robot.joints()[joint].name);
+            assert!(
+                a <= 2.5 * config.limits[joint].acceleration + 1e-6,
+                "{}: {a}",
+                robot.joints()[joint].name
+            );
         }
         before = world.joint_velocities().to_vec();
     }

@@ -62,7 +62,10 @@ impl World {
     /// When a collision shape has no volume, or `q` has the wrong length or a value that is not finite.
     pub fn new(scene: &Scene, robot: Arc<RobotModel>, config: &RobotConfig, q: Vec<f64>) -> Result<Self> {
         if q.len() != robot.joints().len() || q.iter().any(|v| !v.is_finite()) {
-            return Err(Error::World(format!("start configuration {q:?}: need {} finite values", robot.joints().len())));
+            return Err(Error::World(format!(
+                "start configuration {q:?}: need {} finite values",
+                robot.joints().len()
+            )));
         }
         let mut physics = PhysicsWorld { gravity: Vector::new(0.0, 0.0, -9.81), ..PhysicsWorld::default() };
         tune(&mut physics.integration_parameters);
@@ -108,12 +111,14 @@ impl World {
             return Err(Error::World(format!("{name}: pose {world_from_object:?} is not finite")));
         }
         let solids: Option<Vec<_>> = model.collision.iter().map(convert::solid).collect();
-        let solids = solids
-            .filter(|s| !s.is_empty())
-            .ok_or_else(|| Error::World(format!("{name}: a collision piece has no volume; check its mesh")))?;
+        let solids = solids.filter(|s| !s.is_empty()).ok_or_else(|| {
+            Error::World(format!("{name}: a collision piece has no volume; check its mesh"))
+        })?;
         let volume: f32 = solids.iter().map(|(_, s)| s.mass_properties(1.0).mass()).sum();
-        if !(volume > 1e-9) {
-            return Err(Error::World(format!("{name}: its solid has a volume of {volume} m^3; check its mesh")));
+        if volume.is_nan() || volume <= 1e-9 {
+            return Err(Error::World(format!(
+                "{name}: its solid has a volume of {volume} m^3; check its mesh"
+            )));
         }
         let density = model.info.mass_kg as f32 / volume;
         let index = self.objects.len();
@@ -327,7 +332,19 @@ impl World {
             let (p, v, w) = (body.position(), body.linvel(), body.angvel());
             let q = p.rotation;
             for value in [
-                p.translation.x, p.translation.y, p.translation.z, q.x, q.y, q.z, q.w, v.x, v.y, v.z, w.x, w.y, w.z,
+                p.translation.x,
+                p.translation.y,
+                p.translation.z,
+                q.x,
+                q.y,
+                q.z,
+                q.w,
+                v.x,
+                v.y,
+                v.z,
+                w.x,
+                w.y,
+                w.z,
             ] {
                 hasher.update(value.to_bits().to_le_bytes());
             }
