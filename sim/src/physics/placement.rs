@@ -38,7 +38,8 @@ pub struct Dropped {
 ///
 /// Spread: upright or (for the scene's share) on a side, turned about the vertical by a random angle, outlines apart by
 /// the scene's gap. Stacked: one after another in random orientations on a smaller patch. A layout in which something
-/// falls off the table, into the bin, or does not come to rest is thrown away.
+/// falls off the table, into the bin, or does not come to rest is thrown away; when spread, also one in which objects
+/// rolled against each other.
 ///
 /// # Errors
 /// When no layout succeeds: the message holds the reasons and what to change.
@@ -66,7 +67,8 @@ pub fn drop_objects(
                 let name = &world.object(i).info.name;
                 return Err(format!("{name} still moves at {:.1} mm/s after {SETTLE_S} s", speed * 1e3));
             }
-            astray(&world, scene).map_or(Ok(settled.seconds), Err)
+            let touching = if placement == Placement::Spread { touching(&world) } else { None };
+            astray(&world, scene).or(touching).map_or(Ok(settled.seconds), Err)
         });
         match outcome {
             Ok(settle_s) => {
@@ -96,6 +98,14 @@ fn astray(world: &World, scene: &Scene) -> Option<String> {
         // What is to be packed must not begin in the bin, nor lean on it.
         (scene.bin.distance(p.x, p.y) <= 0.0 || world.touches_bin(i))
             .then(|| format!("{name} came to rest at the bin"))
+    })
+}
+
+/// Two objects that rolled against each other, if any: spread out means apart.
+fn touching(world: &World) -> Option<String> {
+    (0..world.object_count()).find_map(|i| {
+        let &other = world.contacts(i).objects.first()?;
+        Some(format!("{} rolled against {}", world.object(i).info.name, world.object(other).info.name))
     })
 }
 

@@ -20,7 +20,7 @@ pub const STEP_HZ: u32 = 240;
 
 /// Coefficient of rolling resistance: the lever arm of the resisting torque as a share of the object's size. Rigid cans
 /// on wood come to rest within about a second, as real ones do; rapier itself knows no rolling resistance.
-const ROLLING_RESISTANCE: f64 = 0.01;
+const ROLLING_RESISTANCE: f64 = 0.02;
 
 /// How settling ended.
 #[derive(Debug, Clone, Copy, PartialEq)]
