@@ -87,6 +87,22 @@ pub fn outlines(rgb: &RgbImage, believed: &LabelImage) -> RgbImage {
     picture
 }
 
+/// Pictures of one size beside and below each other, `columns` in a row, with a thin white gap.
+pub fn sheet(pictures: &[RgbImage], columns: u32) -> RgbImage {
+    const GAP: u32 = 6;
+    let Some(first) = pictures.first() else { return RgbImage::new(1, 1) };
+    let (width, height) = (first.width() + GAP, first.height() + GAP);
+    let columns = columns.clamp(1, pictures.len() as u32);
+    let rows = (pictures.len() as u32).div_ceil(columns);
+    let white = image::Rgb([255; 3]);
+    let mut sheet = RgbImage::from_pixel(columns * width - GAP, rows * height - GAP, white);
+    for (i, picture) in (0u32..).zip(pictures) {
+        let (x, y) = (i % columns * width, i / columns * height);
+        image::imageops::overlay(&mut sheet, picture, i64::from(x), i64::from(y));
+    }
+    sheet
+}
+
 fn encode(bytes: &[u8], width: u32, height: u32, kind: ExtendedColorType) -> Result<Vec<u8>> {
     let mut png = Vec::new();
     PngEncoder::new(&mut png).write_image(bytes, width, height, kind).context("cannot encode a PNG")?;
@@ -115,6 +131,16 @@ mod tests {
         let mut indices = vec![0; 3];
         reader.next_frame(&mut indices).unwrap();
         assert_eq!(indices, [0, 2, 255]);
+    }
+
+    #[test]
+    fn a_sheet_holds_all_pictures_in_rows() {
+        let red = RgbImage::from_pixel(4, 3, image::Rgb([255, 0, 0]));
+        let sheet = sheet(&[red.clone(), red.clone(), red], 2);
+        assert_eq!(sheet.dimensions(), (4 + 6 + 4, 3 + 6 + 3));
+        assert_eq!(sheet.get_pixel(10, 0).0, [255, 0, 0]);
+        assert_eq!(sheet.get_pixel(0, 9).0, [255, 0, 0]);
+        assert_eq!(sheet.get_pixel(10, 9).0, [255, 255, 255]);
     }
 
     #[test]

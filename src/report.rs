@@ -4,22 +4,23 @@ use std::fmt::Write as _;
 
 use base64::Engine as _;
 
+use anyhow::Result;
+use grip_sim::images::{DepthImage, RgbImage};
+
 use crate::outcome::{ItemResult, Outcome, TrialResult};
 use crate::pictures;
 
-/// The pictures of one look, as PNG bytes.
+/// The pictures of one look.
 #[derive(Debug, Clone)]
 pub struct LookPictures {
     /// What was looked for and what was decided.
     pub caption: String,
     /// Colour.
-    pub rgb: Vec<u8>,
-    /// Depth in colours.
-    pub depth: Vec<u8>,
-    /// Depth as 16-bit millimetres.
-    pub depth_mm: Vec<u8>,
+    pub rgb: RgbImage,
+    /// Depth, metres.
+    pub depth: DepthImage,
     /// Colour with the estimated poses as outlines.
-    pub overlay: Vec<u8>,
+    pub overlay: RgbImage,
 }
 
 const STYLE: &str = "body{font:15px/1.45 system-ui,sans-serif;max-width:1180px;margin:2em auto;padding:0 1em;color:#1b1f24}\
@@ -30,7 +31,15 @@ th,td{text-align:left;padding:.35em .6em;border-bottom:1px solid #d5dae0}td.n,th
 figcaption{font-size:.85em;color:#57606a}.key{display:inline-block;width:.8em;height:.8em;border-radius:2px;margin-right:.4em}";
 
 /// The page.
-pub fn html(result: &TrialResult, looks: &[LookPictures], start: &[u8], end: &[u8]) -> String {
+///
+/// # Errors
+/// When a picture cannot be encoded.
+pub fn html(
+    result: &TrialResult,
+    looks: &[LookPictures],
+    before: &RgbImage,
+    after: &RgbImage,
+) -> Result<String> {
     let mut page = String::new();
     let title = format!("{} of {} packed", result.packed, result.requested);
     // Writing to a String cannot fail.
@@ -61,18 +70,19 @@ pub fn html(result: &TrialResult, looks: &[LookPictures], start: &[u8], end: &[u
     page.push_str("<h2>Items</h2>");
     items_table(&mut page, &result.items);
     page.push_str("<h2>Before and after</h2><div class=look>");
-    figure(&mut page, start, "the scene at the start");
-    figure(&mut page, end, "the scene at the end");
+    figure(&mut page, before, "the scene at the start")?;
+    figure(&mut page, after, "the scene at the end")?;
     page.push_str("</div>");
     for (i, look) in looks.iter().enumerate() {
         let _ = write!(page, "<h2>Look {}: {}</h2><div class=look>", i + 1, escape(&look.caption));
-        figure(&mut page, &look.rgb, "colour");
-        figure(&mut page, &look.depth, "depth, near yellow to far blue, black no reading");
-        figure(&mut page, &look.overlay, "estimated poses");
+        figure(&mut page, &look.rgb, "colour")?;
+        let depth = pictures::depth_color(&look.depth);
+        figure(&mut page, &depth, "depth, near yellow to far blue, black no reading")?;
+        figure(&mut page, &look.overlay, "estimated poses")?;
         page.push_str("</div>");
     }
     page.push_str("</html>\n");
-    page
+    Ok(page)
 }
 
 fn items_table(page: &mut String, items: &[ItemResult]) {
@@ -121,12 +131,13 @@ fn failed_clauses(item: &ItemResult) -> String {
     .join(", ")
 }
 
-fn figure(page: &mut String, png: &[u8], caption: &str) {
-    let data = base64::engine::general_purpose::STANDARD.encode(png);
+fn figure(page: &mut String, picture: &RgbImage, caption: &str) -> Result<()> {
+    let data = base64::engine::general_purpose::STANDARD.encode(pictures::rgb_png(picture)?);
     let _ = write!(
         page,
         "<figure><img alt='{caption}' src='data:image/png;base64,{data}'><figcaption>{caption}</figcaption></figure>"
     );
+    Ok(())
 }
 
 fn escape(text: &str) -> String {

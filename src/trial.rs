@@ -9,6 +9,7 @@ use grip_manip::executor::{ExecStage, ExecutionReport, ExecutorSettings, execute
 use grip_manip::{BeliefScene, BelievedObject, PickPlacePlan, PlanStage, Planner, pick_order};
 use grip_perception::{Detector, PoseEstimator, PosePosterior, WholeImage};
 use grip_sim::frame::CameraFrame;
+use grip_sim::images::RgbImage;
 use grip_sim::physics::World;
 use grip_sim::pose::Pose;
 use grip_sim::render::Renderer;
@@ -54,10 +55,8 @@ pub struct Trial {
     pub result: TrialResult,
     /// The pictures of every look.
     pub looks: Vec<LookPictures>,
-    /// The scene before the first and after the last action, as PNG.
-    pub before: Vec<u8>,
-    /// After the last action.
-    pub after: Vec<u8>,
+    /// The scene after the last action.
+    pub after: RgbImage,
 }
 
 /// Everything that is known about one item while the trial goes on.
@@ -117,7 +116,6 @@ pub fn run(setup: &Setup, spec: Spec, renderer: &mut dyn Renderer, progress: &Pr
     let planner = setup.planner();
     let mut ledgers = vec![Ledger::default(); setup.models.len()];
     let mut looks = Vec::new();
-    let mut before = Vec::new();
     let mut fruitless = 0;
 
     loop {
@@ -152,9 +150,6 @@ pub fn run(setup: &Setup, spec: Spec, renderer: &mut dyn Renderer, progress: &Pr
             }
         }
         relook_at_bin(setup, spec.estimator, &world, &frame, &mut ledgers, look)?;
-        if look == 0 {
-            before = pictures::rgb_png(&frame.rgb)?;
-        }
 
         // Believe, and plan for the first open object that can be packed.
         let (belief, belief_index) = believe(setup, &frame, &out, &posteriors, &ledgers);
@@ -258,7 +253,7 @@ pub fn run(setup: &Setup, spec: Spec, renderer: &mut dyn Renderer, progress: &Pr
         items,
         state_hash: world.state_hash(),
     };
-    Ok(Trial { result, looks, before, after: pictures::rgb_png(&frame.rgb)? })
+    Ok(Trial { result, looks, after: frame.rgb })
 }
 
 /// Carries out a plan for object `i` with the score watching.
@@ -445,10 +440,9 @@ fn draw_look(
     )?;
     Ok(LookPictures {
         caption,
-        rgb: pictures::rgb_png(&frame.rgb)?,
-        depth: pictures::rgb_png(&pictures::depth_color(&frame.depth))?,
-        depth_mm: pictures::depth_png_mm(&frame.depth)?,
-        overlay: pictures::rgb_png(&pictures::outlines(&frame.rgb, &believed))?,
+        rgb: frame.rgb.clone(),
+        depth: frame.depth.clone(),
+        overlay: pictures::outlines(&frame.rgb, &believed),
     })
 }
 

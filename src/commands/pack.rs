@@ -13,7 +13,7 @@ use crate::outcome::TrialResult;
 use crate::run_dir::RunDir;
 use crate::setup::Setup;
 use crate::trial::{self, Spec, Trial};
-use crate::{output, report};
+use crate::{output, pictures, report};
 
 /// Packs, saves the run, prints the score.
 pub fn run(args: &PackArgs) -> Result<Done> {
@@ -86,12 +86,19 @@ fn save(run: &RunDir, setup: &Setup, args: &PackArgs, trial: &Trial) -> Result<(
     run.write("scenario.json", serde_json::to_string_pretty(&scenario)?)?;
     run.write("result.json", serde_json::to_string_pretty(&trial.result)?)?;
     for (i, look) in trial.looks.iter().enumerate() {
-        run.write(&format!("frames/{i:02}_rgb.png"), &look.rgb)?;
-        run.write(&format!("frames/{i:02}_depth.png"), &look.depth_mm)?;
-        run.write(&format!("frames/{i:02}_overlay.png"), &look.overlay)?;
+        run.write(&format!("frames/{i:02}_rgb.png"), pictures::rgb_png(&look.rgb)?)?;
+        run.write(&format!("frames/{i:02}_depth.png"), pictures::depth_png_mm(&look.depth)?)?;
+        run.write(&format!("frames/{i:02}_overlay.png"), pictures::rgb_png(&look.overlay)?)?;
     }
-    run.write("frames/end_rgb.png", &trial.after)?;
-    run.write("report.html", report::html(&trial.result, &trial.looks, &trial.before, &trial.after))
+    run.write("frames/end_rgb.png", pictures::rgb_png(&trial.after)?)?;
+    let mut before = &trial.after;
+    if let Some(first) = trial.looks.first() {
+        before = &first.rgb;
+        let depth = pictures::depth_color(&first.depth);
+        let sheet = [before.clone(), depth, first.overlay.clone(), trial.after.clone()];
+        run.write("summary.png", pictures::rgb_png(&pictures::sheet(&sheet, 2))?)?;
+    }
+    run.write("report.html", report::html(&trial.result, &trial.looks, before, &trial.after)?)
 }
 
 fn table(result: &TrialResult) -> String {
