@@ -68,7 +68,8 @@ pub struct PackArgs {
     /// Pack only the first K objects of the scene; the others stay as clutter.
     #[arg(long, value_name = "K")]
     pub items: Option<usize>,
-    /// Run folder [default: runs/SCENE-CONDITION-ESTIMATOR-SEED]; an existing one is replaced when the run is done.
+    /// Run folder [default: runs/SCENE-CONDITION-ESTIMATOR-SEED, with other options where they are not the default]; an
+    /// earlier run there is replaced when this one is done.
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
     /// Print the result as one JSON object on stdout.

@@ -35,6 +35,10 @@ pub enum Outcome {
     PlacedOutside,
     /// In the bin, but another item was knocked off the table or out of the bin.
     Disturbed,
+    /// In the bin, but it slipped or turned in the hand beyond the bounds.
+    Slipped,
+    /// In the bin, but tipped over although it must stand.
+    NotUpright,
     /// In the bin, but not by a grasp that counts: see `clauses`.
     NotGrasped,
     /// Knocked off the table or out of the bin while another item was handled.
@@ -68,23 +72,50 @@ pub enum Stage {
 /// The clauses of a success, each with what was measured. All must hold.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
 pub struct Clauses {
-    /// Both fingers pressed with opposing normals (dot product at most -0.3) and at least 1 N each when the lift began.
+    /// Both fingers pressed with opposing normals (dot product at most -0.3) and at least 1 N each, for 25 ms before the
+    /// lift began.
     pub opposing_contacts: bool,
     /// The object left everything it lay on or touched, and its lowest point rose by at least 3 cm.
     pub lifted_clear: bool,
-    /// Still pinched and clear of everything at the end of the carry.
+    /// Still pinched and clear of everything during the last 0.1 s of the carry.
     pub held_after_carry: bool,
-    /// At rest inside the bin at the end of the trial.
+    /// Moved by at most 20 mm and turned by at most 20 degrees in the hand from the grasp to the end of the carry.
+    pub slip_within: bool,
+    /// At the end of the trial: at rest, its centre between the bin's walls, its lowest point below their edge, touching
+    /// nothing but the bin and other items.
     pub in_bin: bool,
-    /// No other item left the table or the bin while this one was handled.
+    /// Stands within 30 degrees of upright at the end, if it is an item that must.
+    pub upright: bool,
+    /// No other item left the table or the bin while this one was handled, in any attempt.
     pub nothing_knocked_out: bool,
 }
 
 impl Clauses {
+    /// Each clause with its name in words.
+    pub fn by_name(&self) -> [(&'static str, bool); 7] {
+        let Self {
+            opposing_contacts,
+            lifted_clear,
+            held_after_carry,
+            slip_within,
+            in_bin,
+            upright,
+            nothing_knocked_out,
+        } = *self;
+        [
+            ("opposing contacts", opposing_contacts),
+            ("lifted clear", lifted_clear),
+            ("held after carry", held_after_carry),
+            ("slip within bounds", slip_within),
+            ("at rest in the bin", in_bin),
+            ("upright", upright),
+            ("nothing knocked out", nothing_knocked_out),
+        ]
+    }
+
     /// Whether all hold.
     pub fn all(&self) -> bool {
-        let Self { opposing_contacts, lifted_clear, held_after_carry, in_bin, nothing_knocked_out } = *self;
-        opposing_contacts && lifted_clear && held_after_carry && in_bin && nothing_knocked_out
+        self.by_name().iter().all(|(_, holds)| *holds)
     }
 }
 
@@ -167,6 +198,8 @@ impl Outcome {
             Self::CollisionInTransit => "collision in transit",
             Self::PlacedOutside => "placed outside",
             Self::Disturbed => "others knocked out",
+            Self::Slipped => "slipped in the hand",
+            Self::NotUpright => "not upright",
             Self::NotGrasped => "in the bin, not by a grasp",
             Self::KnockedOut => "knocked out",
             Self::NotAttempted => "not attempted",

@@ -81,15 +81,15 @@ pub struct Watcher<'a, 'w> {
 
 impl Observer for Watcher<'_, '_> {
     fn tick(&mut self, step: StepName, _time: f64) {
-        if matches!(step, StepName::Lift | StepName::Carry) {
-            self.watch.held(&self.world.borrow());
+        if matches!(step, StepName::Close | StepName::Lift | StepName::Carry) {
+            self.watch.step(&self.world.borrow());
         }
     }
 
     fn step_done(&mut self, report: &StepReport) {
         match report.name {
             StepName::Close => self.watch.closed(&self.world.borrow()),
-            StepName::Carry => self.watch.carried(&self.world.borrow()),
+            StepName::Carry => self.watch.carried(),
             _ => {}
         }
     }

@@ -116,19 +116,9 @@ fn items_table(page: &mut String, items: &[ItemResult]) {
 }
 
 fn failed_clauses(item: &ItemResult) -> String {
-    let c = item.clauses;
-    [
-        (c.opposing_contacts, "opposing contacts"),
-        (c.lifted_clear, "lifted clear"),
-        (c.held_after_carry, "held after carry"),
-        (c.in_bin, "at rest in the bin"),
-        (c.nothing_knocked_out, "nothing knocked out"),
-    ]
-    .iter()
-    .filter(|(holds, _)| !holds)
-    .map(|(_, name)| *name)
-    .collect::<Vec<_>>()
-    .join(", ")
+    let failed: Vec<_> =
+        item.clauses.by_name().iter().filter(|(_, holds)| !holds).map(|(name, _)| *name).collect();
+    failed.join(", ")
 }
 
 fn figure(page: &mut String, picture: &RgbImage, caption: &str) -> Result<()> {

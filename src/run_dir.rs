@@ -8,8 +8,9 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
 
-/// The file that marks a folder as one of ours, which may be replaced.
-const MARKS: [&str; 2] = ["result.json", "camera.json"];
+/// Files by which a folder is known as one of ours, which may be replaced, and how the schema in them begins. The names
+/// alone would not do: a BOP data set has a camera.json too.
+const MARKS: [(&str, &str); 2] = [("result.json", "grip.trial/"), ("camera.json", "grip.camera/")];
 
 /// A run folder under construction; removed when dropped before [`RunDir::finish`].
 #[derive(Debug)]
@@ -69,7 +70,13 @@ impl RunDir {
         if self.target.exists() {
             fs::rename(&self.target, &aside).with_context(|| cannot_write(&self.target))?;
         }
-        fs::rename(&self.building, &self.target).with_context(|| cannot_write(&self.target))?;
+        if let Err(error) = fs::rename(&self.building, &self.target) {
+            if aside.exists() {
+                fs::rename(&aside, &self.target)
+                    .with_context(|| format!("the earlier run is now in {}", aside.display()))?;
+            }
+            return Err(error).with_context(|| cannot_write(&self.target));
+        }
         self.finished = true;
         if aside.exists() {
             fs::remove_dir_all(&aside).with_context(|| cannot_write(&aside))?;
@@ -89,7 +96,13 @@ impl Drop for RunDir {
 /// An empty folder, or one of ours.
 fn replaceable(target: &Path) -> bool {
     let empty = fs::read_dir(target).is_ok_and(|mut entries| entries.next().is_none());
-    empty || (target.is_dir() && MARKS.iter().any(|mark| target.join(mark).exists()))
+    empty || MARKS.iter().any(|(file, schema)| has_schema(&target.join(file), schema))
+}
+
+/// Whether `path` is a JSON file whose `schema` begins with `prefix`.
+fn has_schema(path: &Path, prefix: &str) -> bool {
+    let json = fs::read(path).ok().and_then(|bytes| serde_json::from_slice::<serde_json::Value>(&bytes).ok());
+    json.is_some_and(|value| value["schema"].as_str().is_some_and(|schema| schema.starts_with(prefix)))
 }
 
 fn cannot_write(path: &Path) -> String {
@@ -111,7 +124,7 @@ mod tests {
         assert_eq!(fs::read_dir(folder.path().join("deep")).unwrap().count(), 0);
 
         let run = RunDir::begin(&target).unwrap();
-        run.write("result.json", "{}").unwrap();
+        run.write("result.json", r#"{"schema": "grip.trial/1"}"#).unwrap();
         run.finish().unwrap();
         assert!(target.join("result.json").exists());
         // An earlier run may be replaced, another folder may not.
@@ -119,6 +132,14 @@ mod tests {
         fs::write(target.join("thesis.txt"), "precious").unwrap();
         let error = RunDir::begin(&target).unwrap_err().to_string();
         assert!(error.contains("not the folder of an earlier run"), "{error}");
+    }
+
+    #[test]
+    fn a_data_set_with_a_camera_file_is_not_ours() {
+        let folder = tempfile::tempdir().unwrap();
+        fs::write(folder.path().join("camera.json"), r#"{"cx": 320.0, "depth_scale": 1.0}"#).unwrap();
+        assert!(RunDir::begin(folder.path()).is_err());
+        assert!(folder.path().join("camera.json").exists());
     }
 
     #[test]

@@ -8,12 +8,20 @@ use grip_sim::objects::ObjectModel;
 use grip_sim::physics::World;
 use grip_sim::pose::{Camera, Object, Pose};
 use grip_sim::scene::Scene;
-use nalgebra::{Isometry3, Point3};
+use nalgebra::{Isometry3, Point3, Vector3};
 
 use crate::outcome::Clauses;
 
 /// A finger counts as pressing from this force on, newtons.
 const PRESSING_N: f64 = 1.0;
+/// Physics steps of pressing before the lift (25 ms), and of holding at the end of the carry (0.1 s).
+const PINCHED_STEPS: u32 = 6;
+const HELD_STEPS: u32 = 24;
+/// Bounds of slip in the hand, metres and degrees: an item that moved more was not held, it was dragged along.
+const SLIP_M: f64 = 0.020;
+const SLIP_DEG: f64 = 20.0;
+/// An item that must stand may lean this far, degrees.
+const TILT_DEG: f64 = 30.0;
 /// A lifted object's lowest point must rise by this much, metres.
 const LIFT_M: f64 = 0.03;
 /// An item counts as lost when it is this far below the table's top, metres.
@@ -25,13 +33,18 @@ pub struct Watch {
     object: usize,
     gripper_link: usize,
     start_lowest: f64,
+    /// Physics steps in a row for which the object was pinched, and for which it was pinched and clear.
+    pinched_steps: u32,
+    clear_steps: u32,
     /// The clauses of success that concern the way of the object.
     pub clauses: Clauses,
     /// Gripper from object when the fingers had closed, for slip.
     held_at: Option<Isometry3<f64>>,
     /// Farthest that the object's origin moved in the hand while it was pinched, metres.
     pub slip_m: Option<f64>,
-    /// Another object that the fingers pinched.
+    /// Farthest that the object turned in the hand while it was pinched, radians.
+    slip_rad: f64,
+    /// Another object that the fingers pinched instead.
     pub wrong_object: Option<usize>,
 }
 
@@ -42,38 +55,45 @@ impl Watch {
             object,
             gripper_link,
             start_lowest: world.lowest_point(object),
+            pinched_steps: 0,
+            clear_steps: 0,
             clauses: Clauses::default(),
             held_at: None,
             slip_m: None,
+            slip_rad: 0.0,
             wrong_object: None,
         }
     }
 
-    /// The fingers have closed; the lift begins.
-    pub fn closed(&mut self, world: &World) {
-        self.clauses.opposing_contacts = world.contacts(self.object).pinched(PRESSING_N);
-        self.held_at = Some(self.gripper_from_object(world));
-        self.wrong_object = (0..world.object_count())
-            .find(|&other| other != self.object && world.contacts(other).pinched(PRESSING_N));
+    /// A physics step of closing, lifting or carrying is done.
+    pub fn step(&mut self, world: &World) {
+        let pinched = world.contacts(self.object).pinched(PRESSING_N);
+        let clear = pinched && self.is_clear(world);
+        self.pinched_steps = if pinched { self.pinched_steps + 1 } else { 0 };
+        self.clear_steps = if clear { self.clear_steps + 1 } else { 0 };
+        let Some(held_at) = self.held_at.filter(|_| pinched) else { return };
+        let moved = held_at.inverse() * self.gripper_from_object(world);
+        self.slip_m = Some(self.slip_m.unwrap_or(0.0).max(moved.translation.vector.norm()));
+        self.slip_rad = self.slip_rad.max(moved.rotation.angle());
+        let risen = world.lowest_point(self.object) - self.start_lowest;
+        self.clauses.lifted_clear |= risen >= LIFT_M && clear;
     }
 
-    /// A step of lifting or carrying is done.
-    pub fn held(&mut self, world: &World) {
-        if !world.contacts(self.object).pinched(PRESSING_N) {
-            return;
+    /// The fingers have closed; the lift begins.
+    pub fn closed(&mut self, world: &World) {
+        self.clauses.opposing_contacts = self.pinched_steps >= PINCHED_STEPS;
+        self.held_at = Some(self.gripper_from_object(world));
+        if !self.clauses.opposing_contacts {
+            self.wrong_object = (0..world.object_count())
+                .find(|&other| other != self.object && world.contacts(other).pinched(PRESSING_N));
         }
-        if let Some(held_at) = self.held_at {
-            let moved = (held_at.inverse() * self.gripper_from_object(world)).translation.vector.norm();
-            self.slip_m = Some(self.slip_m.unwrap_or(0.0).max(moved));
-        }
-        let risen = world.lowest_point(self.object) - self.start_lowest;
-        self.clauses.lifted_clear |= risen >= LIFT_M && self.is_clear(world);
     }
 
     /// The carry is over.
-    pub fn carried(&mut self, world: &World) {
-        self.clauses.held_after_carry =
-            world.contacts(self.object).pinched(PRESSING_N) && self.is_clear(world);
+    pub fn carried(&mut self) {
+        self.clauses.held_after_carry = self.clear_steps >= HELD_STEPS;
+        self.clauses.slip_within =
+            self.slip_m.is_some_and(|slip| slip <= SLIP_M) && self.slip_rad <= SLIP_DEG.to_radians();
     }
 
     /// Whether the object touches nothing but the hand.
@@ -105,18 +125,26 @@ fn model_points(model: &ObjectModel) -> Vec<Point3<f64>> {
     vertices.iter().step_by(step).map(|p| p.cast()).collect()
 }
 
-/// Whether object `index` is inside the bin: the centre of its bounding box between the walls and not above their edge by
-/// more than half of its size, and nothing but the bin and its content touched.
+/// Whether object `index` is inside the bin: the centre of its bounding box between the walls, its lowest point below
+/// their edge, and nothing touched but the bin and other objects. An item across the rim or held by the robot is not.
 pub fn in_bin(world: &World, scene: &Scene, index: usize) -> bool {
     let centre = Point3::from(world.truth(index).translation());
-    let margin = world.object(index).diameter / 2.0;
-    scene.bin.contains(&centre, margin)
+    let edge = scene.bin.world_from_bin().translation.z + scene.bin.wall_height;
+    scene.bin.contains(&centre, world.object(index).diameter / 2.0)
+        && world.lowest_point(index) < edge
+        && !world.touches_beside_bin(index)
+        && !world.contacts(index).touched_by_robot()
 }
 
-/// Whether object `index` lies on the floor: fallen off everything it should stand on.
-pub fn has_fallen(world: &World, scene: &Scene, index: usize) -> bool {
-    let lowest_floor = scene.table.height.min(scene.bin.base_height);
-    world.lowest_point(index) < lowest_floor - FALLEN_M
+/// Whether object `index` stands within the bound of upright, or is one that need not.
+pub fn upright(world: &World, index: usize) -> bool {
+    let up = world.truth(index).transform_vector(&Vector3::z());
+    !world.object(index).info.upright || up.z >= TILT_DEG.to_radians().cos()
+}
+
+/// Whether object `index` has fallen off the table.
+fn has_fallen(world: &World, scene: &Scene, index: usize) -> bool {
+    world.lowest_point(index) < scene.table.height - FALLEN_M
 }
 
 /// Where every item is, to see later what was knocked out.
@@ -159,7 +187,68 @@ pub fn knocked_out(before: &[Whereabouts], after: &[Whereabouts], handled: usize
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::cli::{Cli, Command};
+    use crate::setup::Setup;
     use Whereabouts::{Bin, Lost, Table};
+    use clap::Parser;
+    use nalgebra::UnitQuaternion;
+
+    /// The default scene with the robot, but no objects.
+    fn empty() -> (Setup, World) {
+        let Command::Pack(args) = Cli::parse_from(["grip", "pack"]).command else { unreachable!() };
+        let setup = Setup::load(&args.scene).unwrap();
+        let world =
+            World::new(&setup.scene, setup.robot.clone(), &setup.config, setup.start.clone()).unwrap();
+        (setup, world)
+    }
+
+    /// Drops the scene's soup can at a point of the bin's frame, at rest above it, and lets it settle.
+    fn can_at(x: f64, y: f64, z: f64) -> (bool, Whereabouts) {
+        let (setup, mut world) = empty();
+        let can = setup.models.iter().find(|m| m.info.name == "005_tomato_soup_can").unwrap();
+        let at = setup.scene.bin.world_from_bin() * nalgebra::Isometry3::translation(x, y, z);
+        world.add_object(can.clone(), &Pose::new(at)).unwrap();
+        world.settle(3.0);
+        (in_bin(&world, &setup.scene, 0), whereabouts(&world, &setup.scene)[0])
+    }
+
+    #[test]
+    fn in_the_bin_means_inside_it_and_nowhere_else() {
+        assert_eq!(can_at(0.0, 0.0, 0.06), (true, Bin));
+        // Beside the bin on the table; the bin's y axis points away from the objects.
+        assert_eq!(can_at(0.3, 0.0, 0.06), (false, Table));
+        // Far off the table.
+        assert_eq!(can_at(0.0, -1.5, 0.06), (false, Lost));
+    }
+
+    #[test]
+    fn what_hangs_over_the_rim_or_is_held_up_is_not_in_the_bin() {
+        let (setup, mut world) = empty();
+        let sugar = setup.models.iter().find(|m| m.info.name == "004_sugar_box").unwrap();
+        // Flat across the wall, its centre just inside: the wall's top carries it at first.
+        let bin = &setup.scene.bin;
+        let lying = UnitQuaternion::from_axis_angle(&Vector3::y_axis(), std::f64::consts::FRAC_PI_2);
+        let on_rim = nalgebra::Isometry3::from_parts(
+            [bin.inner[0] / 2.0 - 0.01, 0.0, bin.wall_height + 0.05].into(),
+            lying,
+        );
+        world.add_object(sugar.clone(), &Pose::new(bin.world_from_bin() * on_rim)).unwrap();
+        assert!(!in_bin(&world, &setup.scene, 0), "its lowest point is above the edge");
+    }
+
+    #[test]
+    fn an_item_that_must_stand_may_not_lie() {
+        let (setup, mut world) = empty();
+        let mug = setup.library.load("025_mug").unwrap();
+        for roll in [0.0, 1.4] {
+            let at = Pose::from_xyz_rpy([0.6, 0.1, 0.75], [roll, 0.0, 0.0]);
+            world.add_object(mug.clone(), &at).unwrap();
+        }
+        assert!(upright(&world, 0) && !upright(&world, 1));
+        let can = setup.models.iter().find(|m| m.info.name == "005_tomato_soup_can").unwrap();
+        world.add_object(can.clone(), &Pose::from_xyz_rpy([0.6, 0.3, 0.75], [1.4, 0.0, 0.0])).unwrap();
+        assert!(upright(&world, 2), "a can may lie");
+    }
 
     #[test]
     fn knocked_out_means_off_the_table_or_out_of_the_bin() {

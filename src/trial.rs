@@ -10,7 +10,7 @@ use grip_manip::{BeliefScene, BelievedObject, PickPlacePlan, PlanStage, Planner,
 use grip_perception::{Detector, PoseEstimator, PosePosterior, WholeImage};
 use grip_sim::frame::CameraFrame;
 use grip_sim::images::RgbImage;
-use grip_sim::physics::World;
+use grip_sim::physics::{Grip, STEP_HZ, World};
 use grip_sim::pose::Pose;
 use grip_sim::render::Renderer;
 use indicatif::ProgressBar;
@@ -21,7 +21,7 @@ use crate::outcome::{Clauses, ItemResult, Outcome, Stage, TRIAL_SCHEMA, TrialRes
 use crate::pictures;
 use crate::port::{SharedWorld, Watcher, WorldPort};
 use crate::report::LookPictures;
-use crate::score::{self, Watch};
+use crate::score::{self, Watch, Whereabouts};
 use crate::setup::Setup;
 use crate::truth;
 
@@ -33,6 +33,8 @@ const MAX_FRUITLESS_LOOKS: u32 = 2;
 const CONFIDENT: f64 = 0.25;
 /// An item in the bin is not believed to have moved farther than this from where it was put, metres.
 const MOVED_IN_BIN_M: f64 = 0.12;
+/// Simulated seconds after an attempt for what still rolls to come to rest.
+const CALM_S: f64 = 2.0;
 /// Simulated seconds at the end of the trial for everything to come to rest.
 const FINAL_SETTLE_S: f64 = 8.0;
 /// Speed below which an item counts as at rest, m/s.
@@ -74,6 +76,10 @@ struct Ledger {
     slip_m: Option<f64>,
     peak_force_n: f64,
     knocked_out: bool,
+    /// Another item was knocked out during an attempt at this one.
+    knocked_others: bool,
+    /// The fingers pinched another object instead.
+    wrong_object: bool,
 }
 
 impl Ledger {
@@ -117,6 +123,7 @@ pub fn run(setup: &Setup, spec: Spec, renderer: &mut dyn Renderer, progress: &Pr
     let mut ledgers = vec![Ledger::default(); setup.models.len()];
     let mut looks = Vec::new();
     let mut fruitless = 0;
+    let mut handled = None;
 
     loop {
         let open: Vec<usize> = (0..spec.items).filter(|&i| ledgers[i].is_open()).collect();
@@ -214,27 +221,31 @@ pub fn run(setup: &Setup, spec: Spec, renderer: &mut dyn Renderer, progress: &Pr
         ledger.attempts += 1;
         ledger.record_errors(errors[i]);
         ledger.clauses = watch.clauses;
+        ledger.wrong_object = watch.wrong_object.is_some();
         ledger.slip_m = watch.slip_m;
         ledger.peak_force_n = ledger.peak_force_n.max(world.peak_force(i));
         ledger.failure = None;
-        match failure_of(&report, &watch) {
+        match failure_of(&report) {
             Some((outcome, stage, reason)) => ledger.fail(outcome, stage, reason),
             None => ledger.believed_packed = Some(plan.world_from_object_placed()),
         }
 
-        // Back to where the camera sees the table, then count what was knocked out.
+        // Back to where the camera sees the table, then count what was knocked out. What still rolls comes to rest first.
+        if ledgers[i].failure.is_some() {
+            let_go(&mut world);
+        }
         let known = Held { object: i, released: ledgers[i].believed_packed };
         go_home(setup, &mut world, &planner, belief, &belief_index, known, look);
-        let after = score::whereabouts(&world, &setup.scene);
-        let lost = score::knocked_out(&whereabouts, &after, i);
-        ledgers[i].clauses.nothing_knocked_out = lost.is_empty();
-        for other in lost {
-            ledgers[other].knocked_out = true;
-        }
+        world.settle(CALM_S);
+        note_losses(setup, &world, &mut ledgers, &whereabouts, i);
+        handled = Some((i, whereabouts));
     }
 
     progress.set_message("settling the bin");
     world.settle(FINAL_SETTLE_S);
+    if let Some((i, whereabouts)) = handled {
+        note_losses(setup, &world, &mut ledgers, &whereabouts, i);
+    }
     let (frame, _) = setup.capture(&world, renderer, looks.len())?;
     let items = finish(setup, &world, &mut ledgers, spec.items);
     let result = TrialResult {
@@ -254,6 +265,25 @@ pub fn run(setup: &Setup, spec: Spec, renderer: &mut dyn Renderer, progress: &Pr
         state_hash: world.state_hash(),
     };
     Ok(Trial { result, looks, after: frame.rgb })
+}
+
+/// Marks what left the table or the bin since `before`, and the item `handled` meanwhile.
+fn note_losses(setup: &Setup, world: &World, ledgers: &mut [Ledger], before: &[Whereabouts], handled: usize) {
+    let after = score::whereabouts(world, &setup.scene);
+    for other in score::knocked_out(before, &after, handled) {
+        ledgers[other].knocked_out = true;
+        ledgers[handled].knocked_others = true;
+    }
+}
+
+/// Opens the gripper where it stands, so that nothing is carried about after a failure.
+fn let_go(world: &mut World) {
+    const OPENING_S: f64 = 0.8;
+    world.clear_stop();
+    let (target, _) = world.hold();
+    for _ in 0..(OPENING_S * f64::from(STEP_HZ)) as u32 {
+        world.step(&target, Grip::Open { width: f64::INFINITY });
+    }
 }
 
 /// Carries out a plan for object `i` with the score watching.
@@ -406,8 +436,8 @@ fn believe(
     (belief, index)
 }
 
-/// What went wrong by the executor's own account and by what the fingers held; `None` when it says that all is well.
-fn failure_of(report: &ExecutionReport, watch: &Watch) -> Option<(Outcome, Stage, String)> {
+/// What went wrong by the executor's own account; `None` when it says that all is well.
+fn failure_of(report: &ExecutionReport) -> Option<(Outcome, Stage, String)> {
     let (stage, reason) = report.failure()?;
     let (outcome, stage) = match stage {
         ExecStage::Approach => (Outcome::CollisionOnApproach, Stage::Approach),
@@ -416,7 +446,6 @@ fn failure_of(report: &ExecutionReport, watch: &Watch) -> Option<(Outcome, Stage
         ExecStage::Carry => (Outcome::DroppedInTransit, Stage::Carry),
         ExecStage::Place => (Outcome::CollisionInTransit, Stage::Place),
     };
-    let outcome = if watch.wrong_object.is_some() { Outcome::WrongObject } else { outcome };
     Some((outcome, stage, reason))
 }
 
@@ -454,6 +483,8 @@ fn finish(setup: &Setup, world: &World, ledgers: &mut [Ledger], items: usize) ->
         .take(items)
         .map(|(i, ledger)| {
             ledger.clauses.in_bin = score::in_bin(world, &setup.scene, i) && world.speed(i) < AT_REST_M_S;
+            ledger.clauses.upright = score::upright(world, i);
+            ledger.clauses.nothing_knocked_out = !ledger.knocked_others;
             log::debug!("{}: {:.2} mm/s", setup.models[i].info.name, world.speed(i) * 1e3);
             let (outcome, stage, reason) = verdict(ledger);
             ItemResult {
@@ -480,6 +511,9 @@ fn verdict(ledger: &Ledger) -> (Outcome, Stage, String) {
     if ledger.knocked_out && !c.in_bin {
         return (Outcome::KnockedOut, Stage::Done, "knocked out while another item was handled".into());
     }
+    if ledger.wrong_object {
+        return (Outcome::WrongObject, Stage::Grasp, "the fingers closed on another object".into());
+    }
     if let Some((outcome, stage, reason)) = &ledger.failure {
         return (*outcome, *stage, reason.clone());
     }
@@ -497,6 +531,10 @@ fn verdict(ledger: &Ledger) -> (Outcome, Stage, String) {
         failed(Outcome::DroppedInTransit, Stage::Carry, "not held at the end of the carry")
     } else if !c.in_bin {
         failed(Outcome::PlacedOutside, Stage::Place, "not at rest in the bin at the end")
+    } else if c.opposing_contacts && c.lifted_clear && c.held_after_carry && !c.slip_within {
+        failed(Outcome::Slipped, Stage::Carry, "moved over 20 mm or turned over 20 degrees in the hand")
+    } else if !c.upright {
+        failed(Outcome::NotUpright, Stage::Done, "leans over 30 degrees, but must stand")
     } else if !c.nothing_knocked_out {
         failed(Outcome::Disturbed, Stage::Done, "another item was knocked off the table or out of the bin")
     } else {
@@ -513,7 +551,9 @@ mod tests {
             opposing_contacts: true,
             lifted_clear: true,
             held_after_carry: true,
+            slip_within: true,
             in_bin: true,
+            upright: true,
             nothing_knocked_out: true,
         };
         Ledger { attempts: 1, clauses, ..Ledger::default() }
@@ -522,11 +562,14 @@ mod tests {
     #[test]
     fn each_clause_alone_undoes_a_success() {
         assert_eq!(verdict(&packed()).0, Outcome::Packed);
-        let breaks: [(fn(&mut Clauses), Outcome); 5] = [
+        type Break = fn(&mut Clauses);
+        let breaks: [(Break, Outcome); 7] = [
             (|c| c.opposing_contacts = false, Outcome::NotGrasped),
             (|c| c.lifted_clear = false, Outcome::NotGrasped),
             (|c| c.held_after_carry = false, Outcome::NotGrasped),
+            (|c| c.slip_within = false, Outcome::Slipped),
             (|c| c.in_bin = false, Outcome::PlacedOutside),
+            (|c| c.upright = false, Outcome::NotUpright),
             (|c| c.nothing_knocked_out = false, Outcome::Disturbed),
         ];
         for (break_it, outcome) in breaks {
@@ -541,6 +584,8 @@ mod tests {
         let mut ledger = packed();
         ledger.fail(Outcome::DroppedInTransit, Stage::Carry, "fingers closed");
         assert_eq!(verdict(&ledger).0, Outcome::DroppedInTransit);
+        let wrong = Ledger { wrong_object: true, ..packed() };
+        assert_eq!(verdict(&wrong).0, Outcome::WrongObject);
         assert_eq!(verdict(&Ledger::default()).0, Outcome::NotAttempted);
     }
 }

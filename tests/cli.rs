@@ -1,5 +1,7 @@
 //! Bad input gets a clear message that names file, field and value, exit code 2, and leaves nothing behind.
 
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::print_stdout, reason = "tests")]
+
 mod common;
 
 use std::fs;

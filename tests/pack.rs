@@ -1,17 +1,24 @@
 //! The main job, end to end, as a user runs it.
 
+#![allow(clippy::unwrap_used, clippy::expect_used, reason = "tests")]
+
 mod common;
 
-use common::{code, grip, root, stderr, stdout};
+use common::{code, root, stderr, stdout};
 use serde_json::Value;
 
 /// Packs with `--json`; returns the result and the run folder's result.json.
 fn pack(args: &[&str]) -> (Value, Value) {
+    pack_on_threads(args, None)
+}
+
+/// The same with a fixed number of threads.
+fn pack_on_threads(args: &[&str], threads: Option<usize>) -> (Value, Value) {
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().join("run");
     let mut all = vec!["pack", "--json", "--out", out.to_str().unwrap()];
     all.extend(args);
-    let output = grip(&all);
+    let output = common::grip_on_threads(&all, threads);
     assert!(code(&output) < 2, "{}", stderr(&output));
     let printed: Value = serde_json::from_str(&stdout(&output)).expect("stdout is one JSON object");
     let saved = std::fs::read_to_string(out.join("result.json")).unwrap();
@@ -41,7 +48,7 @@ fn without_wall_times(mut result: Value) -> Value {
 fn the_same_seed_gives_the_same_trial_and_the_schema_holds() {
     let args = ["--seed", "2", "--items", "2", "--renderer", "cpu"];
     let (first, saved) = pack(&args);
-    let (second, _) = pack(&args);
+    let (second, _) = pack_on_threads(&args, Some(1));
     assert_eq!(first, saved);
     assert_eq!(without_wall_times(first.clone()), without_wall_times(second));
 
@@ -53,6 +60,7 @@ fn the_same_seed_gives_the_same_trial_and_the_schema_holds() {
     assert_eq!(first["detector"], "clusters");
     assert_eq!(first["object_set"], "built-in");
     assert_eq!(first["requested"], 2);
+    assert!(first["packed"].as_u64().unwrap() >= 1, "GRIP's own poses pack something: {first}");
     assert_eq!(first["state_hash"].as_str().unwrap().len(), 64);
     for key in ["packed", "wall_s", "sim_s"] {
         assert!(first[key].is_number(), "{key}");
@@ -87,11 +95,22 @@ fn with_true_poses_nearly_everything_is_packed() {
 
 #[test]
 fn scenes_of_the_project_are_valid() {
+    let mut scenes = 0;
     for entry in std::fs::read_dir(root().join("scenes")).unwrap() {
         let path = entry.unwrap().path();
         let text = std::fs::read_to_string(&path).unwrap_or_default();
         if text.contains("schema = \"grip.scene/1\"") {
             grip_sim::scene::Scene::load(&path).unwrap();
+            scenes += 1;
         }
+    }
+    assert!(scenes > 0);
+    let conditions = root().join("scenes/conditions");
+    let names = grip_sim::condition::Condition::names(&conditions).unwrap();
+    for name in ["base", "dark", "light-left", "light-right", "clutter"] {
+        assert!(names.iter().any(|n| n == name), "{name}");
+    }
+    for name in names {
+        grip_sim::condition::Condition::load_named(&conditions, &name).unwrap();
     }
 }

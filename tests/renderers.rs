@@ -1,5 +1,7 @@
 //! The two renderers agree on the default scene, robot, objects and all; and what `grip render` writes is what it says.
 
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::print_stdout, reason = "tests")]
+
 mod common;
 
 use std::path::Path;

@@ -184,6 +184,13 @@ impl Scene {
             return Err(format!("schema = \"{}\": this program reads \"{SCHEMA}\"", self.schema));
         }
         let Self { robot, table, bin, objects, .. } = self;
+        let plain = |c: char| c.is_ascii_alphanumeric() || c == '-' || c == '_';
+        if self.name.is_empty() || !self.name.chars().all(plain) {
+            return Err(format!(
+                "name = \"{}\": must be of letters, digits, '-' and '_' (it names folders)",
+                self.name
+            ));
+        }
         each("robot.base", &robot.base, -10.0, 10.0)?;
         each("robot.yaw", &[robot.yaw], -7.0, 7.0)?;
         each("robot.torso", &[robot.torso], 0.0, 1.0)?;
@@ -227,7 +234,13 @@ impl Scene {
                 ));
             }
         }
-        for placed in &objects.placed {
+        for (i, placed) in objects.placed.iter().enumerate() {
+            if objects.placed[..i].iter().any(|earlier| earlier.name == placed.name) {
+                return Err(format!(
+                    "objects.placed: '{}' stands twice; place each object once",
+                    placed.name
+                ));
+            }
             let field = format!("objects.placed '{}'", placed.name);
             if !objects.names.contains(&placed.name) {
                 return Err(format!("{field}: not in objects.names; add it there"));

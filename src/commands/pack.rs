@@ -4,11 +4,12 @@ use std::path::PathBuf;
 use std::time::Duration;
 
 use anyhow::{Result, ensure};
+use grip_sim::objects::ObjectSet;
 use grip_sim::render;
 use indicatif::{ProgressBar, ProgressStyle};
 
 use super::Done;
-use crate::cli::PackArgs;
+use crate::cli::{Detector, PackArgs};
 use crate::outcome::TrialResult;
 use crate::run_dir::RunDir;
 use crate::setup::Setup;
@@ -48,14 +49,19 @@ pub fn run(args: &PackArgs) -> Result<Done> {
 }
 
 fn default_folder(args: &PackArgs, setup: &Setup) -> PathBuf {
-    let name = format!(
-        "{}-{}-{}-{}",
-        setup.scene.name,
-        setup.condition.name,
-        args.estimator.name(),
-        args.scene.seed
-    );
-    PathBuf::from("runs").join(name)
+    let mut parts =
+        vec![setup.scene.name.clone(), setup.condition.name.clone(), args.estimator.name().into()];
+    if args.detector == Detector::None {
+        parts.push(args.detector.name().into());
+    }
+    if setup.library.set() != &ObjectSet::BuiltIn {
+        parts.push(setup.library.set().label().into());
+    }
+    if let Some(items) = args.items {
+        parts.push(format!("items{items}"));
+    }
+    parts.push(args.scene.seed.to_string());
+    PathBuf::from("runs").join(parts.join("-"))
 }
 
 /// Shown on a terminal only; silent in pipes and logs.
@@ -79,6 +85,8 @@ fn save(run: &RunDir, setup: &Setup, args: &PackArgs, trial: &Trial) -> Result<(
         "object_set": setup.library.set().label(),
         "renderer": trial.result.renderer,
         "robot": setup.robot.name(),
+        "urdf": setup.robot.source(),
+        "objects": setup.models.iter().map(|model| &model.info).collect::<Vec<_>>(),
         "intrinsics": setup.intrinsics,
         "condition": setup.condition,
         "scene": setup.scene,

@@ -12,12 +12,17 @@ pub fn root() -> PathBuf {
 
 /// Runs `grip` in the project's root, without scanned objects.
 pub fn grip(args: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_grip"))
-        .args(args)
-        .current_dir(root())
-        .env_remove("GRIP_YCB_DIR")
-        .output()
-        .expect("grip starts")
+    grip_on_threads(args, None)
+}
+
+/// The same with a fixed number of threads.
+pub fn grip_on_threads(args: &[&str], threads: Option<usize>) -> Output {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_grip"));
+    command.args(args).current_dir(root()).env_remove("GRIP_YCB_DIR");
+    if let Some(threads) = threads {
+        command.env("RAYON_NUM_THREADS", threads.to_string());
+    }
+    command.output().expect("grip starts")
 }
 
 /// Exit code, which is never a signal or a panic (101).

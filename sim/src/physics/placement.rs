@@ -217,7 +217,12 @@ fn stack(
     /// Time given to each object to fall on the heap before the next one follows, seconds.
     const FALL_S: f64 = 1.0;
     let region = &scene.objects;
+    let placed = |model: &ObjectModel| region.placed.iter().find(|p| p.name == model.info.name);
     for model in models {
+        if let Some(placed) = placed(model) {
+            world.add_object(model.clone(), &placed.pose)?;
+            continue;
+        }
         let rotation = orientation(model, 0.5, random);
         let (below, _) = reach(model, &rotation);
         let at = somewhere(region, PATCH, random);

@@ -7,6 +7,7 @@
 use std::sync::Arc;
 
 use nalgebra::{Isometry3, Vector3};
+use parry3d::bounding_volume::BoundingVolume;
 use rapier3d::prelude::*;
 
 use super::contacts::{Body, Contacts};
@@ -25,6 +26,8 @@ const LINK_STOP_N: f64 = 80.0;
 const LINK_STOP_STEPS: u32 = 12;
 /// Steps after a stop was cleared during which force does not stop the arm again, so that it can back out.
 const GRACE_STEPS: u32 = 180;
+/// After a collision stop the arm may move on unless it goes deeper by this much, metres.
+const DEEPER_M: f32 = 0.003;
 /// Stiffness of a finger drive, N/m, and its damping, N s/m.
 const FINGER_STIFFNESS: f32 = 2.0e4;
 const FINGER_DAMPING: f32 = 200.0;
@@ -103,6 +106,16 @@ impl std::fmt::Display for Stop {
     }
 }
 
+/// A link's shape inside a fixed solid, by their indices.
+#[derive(Debug, Clone, Copy)]
+struct Penetration {
+    link: usize,
+    shape: usize,
+    fixed: usize,
+    /// Metres.
+    depth: f32,
+}
+
 /// A finger: a dynamic body on a prismatic drive.
 #[derive(Debug, Clone)]
 pub(super) struct Finger {
@@ -152,18 +165,21 @@ pub(super) struct RobotBody {
     overload: u32,
     /// Steps for which force may not stop the arm, after a stop was cleared.
     grace: u32,
+    /// What the arm was inside of when a stop was cleared: it may back out of that.
+    backing_out: Vec<Penetration>,
     /// World poses of all links at `q`, fingers as physics has them.
     pub link_poses: Vec<Isometry3<f64>>,
 }
 
 impl RobotBody {
-    /// Lets the arm move again after a protective stop.
-    pub fn clear_stop(&mut self) {
+    /// Lets the arm move again after a protective stop. What it has run into no longer stops it, unless it goes deeper.
+    pub fn clear_stop(&mut self, fixed: &[(Pose, SharedShape)]) {
         if self.stop.take().is_none() {
             return;
         }
         self.overload = 0;
         self.grace = GRACE_STEPS;
+        self.backing_out = self.penetrations(fixed);
     }
 
     pub fn insert(
@@ -224,6 +240,7 @@ impl RobotBody {
             stop: None,
             overload: 0,
             grace: 0,
+            backing_out: Vec::new(),
             link_poses,
             world_from_base,
             model,
@@ -321,28 +338,37 @@ impl RobotBody {
         if self.qd.iter().all(|v| v.abs() < 1e-6) {
             return None;
         }
-        for link in self.links.iter().filter(|l| l.moves) {
+        let deeper = |hit: &Penetration| {
+            let known = self
+                .backing_out
+                .iter()
+                .find(|b| (b.link, b.shape, b.fixed) == (hit.link, hit.shape, hit.fixed));
+            known.is_none_or(|before| hit.depth > before.depth + DEEPER_M)
+        };
+        let hit = self.penetrations(fixed).into_iter().find(deeper)?;
+        Some(Stop::Collision { link: self.model.links()[self.links[hit.link].link].name.clone() })
+    }
+
+    /// Every shape of a moving link that is inside a fixed solid.
+    fn penetrations(&self, fixed: &[(Pose, SharedShape)]) -> Vec<Penetration> {
+        let mut found = Vec::new();
+        for (index, link) in self.links.iter().enumerate().filter(|(_, l)| l.moves) {
             let world_from_link = convert::pose(&self.link_poses[link.link]);
-            for (at, solid) in &link.shapes {
+            for (shape, (at, solid)) in link.shapes.iter().enumerate() {
                 let pose = world_from_link * *at;
                 let bounds = solid.compute_aabb(&pose);
-                for (fixed_pose, fixed_solid) in fixed {
-                    use parry3d::bounding_volume::BoundingVolume;
-                    if bounds.intersects(&fixed_solid.compute_aabb(fixed_pose))
-                        && parry3d::query::intersection_test(&pose, &**solid, fixed_pose, &**fixed_solid)
-                            .is_ok_and(|test| test.intersecting)
-                    {
-                        return Some(Stop::Collision { link: self.model.links()[link.link].name.clone() });
+                for (other, (fixed_pose, fixed_solid)) in fixed.iter().enumerate() {
+                    if !bounds.intersects(&fixed_solid.compute_aabb(fixed_pose)) {
+                        continue;
+                    }
+                    let contact = parry3d::query::contact(&pose, &**solid, fixed_pose, &**fixed_solid, 0.0);
+                    if let Ok(Some(contact)) = contact {
+                        found.push(Penetration { link: index, shape, fixed: other, depth: -contact.dist });
                     }
                 }
             }
         }
-        None
-    }
-
-    /// Whether any arm joint moves faster than a crawl.
-    pub fn is_moving(&self) -> bool {
-        self.qd.iter().any(|v| v.abs() > 1e-4)
+        found
     }
 
     /// Joint velocities, all movable joints.

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use nalgebra::{Isometry3, Vector3};
+use nalgebra::Isometry3;
 use rapier3d::prelude::*;
 use sha2::{Digest, Sha256};
 
@@ -250,6 +250,12 @@ impl World {
         touched.iter().any(|&fixture| self.bin_parts.contains(&fixture))
     }
 
+    /// Whether object `index` touched something fixed that is no part of the bin in the last step.
+    pub fn touches_beside_bin(&self, index: usize) -> bool {
+        let touched = &self.contacts.objects[index].fixtures;
+        touched.iter().any(|fixture| !self.bin_parts.contains(fixture))
+    }
+
     /// Contacts of object `index` in the last step.
     pub fn contacts(&self, index: usize) -> &ObjectContacts {
         &self.contacts.objects[index]
@@ -277,11 +283,6 @@ impl World {
         self.robot.velocities()
     }
 
-    /// Whether any arm joint moves.
-    pub fn robot_is_moving(&self) -> bool {
-        self.robot.is_moving()
-    }
-
     /// World pose of a robot link as it is now, by its index in the robot model.
     pub fn link_pose(&self, link: usize) -> Isometry3<f64> {
         self.robot.link_poses[link]
@@ -303,11 +304,6 @@ impl World {
         self.contacts.hand_force.norm().max(self.contacts.link_force.map_or(0.0, |(f, _)| f))
     }
 
-    /// Net force on the two fingers, newtons, world frame.
-    pub fn hand_force(&self) -> Vector3<f64> {
-        self.contacts.hand_force
-    }
-
     /// Why the arm stopped by itself, if it did.
     pub fn stop(&self) -> Option<&Stop> {
         self.robot.stop.as_ref()
@@ -315,7 +311,7 @@ impl World {
 
     /// Lets the arm move again after a protective stop.
     pub fn clear_stop(&mut self) {
-        self.robot.clear_stop();
+        self.robot.clear_stop(&self.fixed);
     }
 
     /// Simulated seconds since the world was built.
