@@ -292,6 +292,7 @@ fn act(setup: &Setup, world: &mut World, i: usize, plan: &PickPlacePlan) -> (Exe
     let shared = SharedWorld::new(world);
     let mut watcher = Watcher { world: &shared, watch };
     let report = execute(&mut WorldPort::new(&shared), plan, &ExecutorSettings::default(), &mut watcher);
+    log::debug!("{}: {:?}", plan.object, plan.grasp);
     for step in &report.steps {
         log::debug!("{:?}: {:.2} s, {:.0} N", step.name, step.end_s - step.begin_s, step.peak_contact_n);
     }

@@ -423,15 +423,16 @@ pub fn settled(belief: &BeliefScene, tolerance: f64) -> BeliefScene {
 }
 
 /// Force of each finger, newtons: two contacts carry weight and acceleration (together 1.3 g) with a safety factor of
-/// 2.5, more for a centre of mass beside the pads (`lever`, metres); within 20 to `max_force`, less for what breaks.
+/// 4, more for a centre of mass beside the pads (`lever`, metres), about which it would turn; within 30 to `max_force`,
+/// less for what breaks.
 pub fn grip_force(info: &ObjectInfo, lever: f64, max_force: f64) -> f64 {
     const LOAD: f64 = 1.3 * 9.81;
-    const SAFETY: f64 = 2.5;
+    const SAFETY: f64 = 4.0;
     let friction = 0.5 * (PAD_FRICTION + info.friction);
-    let need = SAFETY * info.mass_kg * LOAD / (2.0 * friction.max(0.1)) * (1.0 + lever / 0.03);
+    let need = SAFETY * info.mass_kg * LOAD / (2.0 * friction.max(0.1)) * (1.0 + lever / 0.02);
     let (low, high) = match info.fragility {
-        Fragility::Sturdy => (20.0, max_force),
-        Fragility::Delicate => (15.0, 0.7 * max_force),
+        Fragility::Sturdy => (30.0, max_force),
+        Fragility::Delicate => (20.0, 0.7 * max_force),
         Fragility::Fragile => (10.0, 0.4 * max_force),
     };
     need.clamp(low, high.max(low))

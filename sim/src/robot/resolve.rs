@@ -39,7 +39,7 @@ impl Resolver {
             return match self.package(package) {
                 Some(folder) => Ok(folder.join(inside)),
                 None => Err(format!(
-                    "package '{package}' not found; searched {}; give the folder of the package, or the one that contains it, as a package path or in {ROS_PACKAGE_PATH}",
+                    "'{name}': package '{package}' not found; searched {}; give the folder of the package, or the one that contains it, as a package path or in {ROS_PACKAGE_PATH}",
                     self.searched()
                 )),
             };
