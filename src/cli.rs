@@ -25,7 +25,7 @@ pub enum Command {
     Render(RenderArgs),
     /// List the objects and the set that is in use.
     Objects(ObjectsArgs),
-    /// Show the robot: what was loaded, joints, limits, poses.
+    /// Show the robot: what was loaded, joints, limits.
     Robot(RobotArgs),
 }
 

@@ -9,7 +9,7 @@
 //! | [`scans`] | models from the official YCB scans or from BOP |
 //! | [`mesh_io`] | OBJ and PLY files |
 //! | [`decompose`] | convex pieces of a scanned mesh |
-//! | [`collision_error`] | how far the pieces are from the mesh |
+//! | [`collision_error()`] | how far the pieces are from the mesh |
 
 mod builtin;
 pub mod collision_error;

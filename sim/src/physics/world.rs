@@ -371,5 +371,7 @@ fn tune(parameters: &mut IntegrationParameters) {
     parameters.static_contact_softness = SpringCoefficients::new(240.0, 5.0);
     // Fewer speculative contacts: the main saving with many hulls.
     parameters.normalized_prediction_distance = 0.005;
-    parameters.normalized_contact_recycle_distance = 0.01;
+    // With contacts kept for 1 cm of drift, items that lean in the bin never come to rest: some kept rocking at 0.1 to
+    // 0.3 m/s. With 1 mm they do, at no measurable cost.
+    parameters.normalized_contact_recycle_distance = 0.001;
 }
