@@ -372,6 +372,6 @@ fn tune(parameters: &mut IntegrationParameters) {
     // Fewer speculative contacts: the main saving with many hulls.
     parameters.normalized_prediction_distance = 0.005;
     // With contacts kept for 1 cm of drift, items that lean in the bin never come to rest: some kept rocking at 0.1 to
-    // 0.3 m/s. With 1 mm they do, at no measurable cost.
+    // 0.3 m/s. With 1 mm most of them do, at no measurable cost.
     parameters.normalized_contact_recycle_distance = 0.001;
 }
