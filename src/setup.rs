@@ -124,7 +124,7 @@ impl Setup {
                 label: i as u16 + 1,
             })
             .collect();
-        let scene = RenderScene { instances };
+        let scene = RenderScene { instances, bounce: None };
         let rendering =
             renderer.render(&scene, &self.condition.lighting, &frame.intrinsics, &frame.world_from_camera)?;
         Ok(rendering.labels)

@@ -20,6 +20,8 @@ pub struct Mesh {
     pub uvs: Vec<[f32; 2]>,
     /// sRGB colour a vertex. Same length as `positions`, or empty.
     pub colors: Vec<[u8; 3]>,
+    /// Roughness and metallic a vertex, in 255ths, in place of the material's. Same length as `positions`, or empty.
+    pub finish: Vec<[u8; 2]>,
     /// Vertex indices of each triangle.
     pub triangles: Vec<[u32; 3]>,
 }
@@ -126,6 +128,7 @@ impl Mesh {
             ("normals", self.normals.len()),
             ("texture coordinates", self.uvs.len()),
             ("colours", self.colors.len()),
+            ("finishes", self.finish.len()),
         ] {
             if length != count && (length != 0 || what == "normals") {
                 return Err(format!("{length} {what} for {count} vertices"));
@@ -236,6 +239,7 @@ impl Mesh {
                 mesh.normals.push(normal);
                 mesh.uvs.extend(self.uvs.get(old));
                 mesh.colors.extend(self.colors.get(old));
+                mesh.finish.extend(self.finish.get(old));
                 copies[old].push(copy);
                 copy
             });

@@ -44,11 +44,11 @@ fn renderers(test: &str) -> Vec<Box<dyn Renderer>> {
 }
 
 fn ambient(lux: f64) -> Lighting {
-    Lighting { ambient_lux: lux, lights: Vec::new() }
+    Lighting { ambient_lux: lux, ..Lighting::default() }
 }
 
 fn one(mesh: Mesh, material: Material, pose: Isometry3<f64>, label: u16) -> RenderScene {
-    RenderScene { instances: vec![Instance { visual: visual(mesh, material), pose, label }] }
+    RenderScene { instances: vec![Instance { visual: visual(mesh, material), pose, label }], bounce: None }
 }
 
 /// Draws with the camera at the world's origin, so that world is the optical frame.
@@ -152,8 +152,8 @@ fn a_texture_appears_upright_with_its_corners_in_place() {
         positions: corners.iter().map(|c| Point3::new(c[0], c[1], 0.0)).collect(),
         normals: vec![-Vector3::z(); 4],
         uvs: corners.iter().map(|c| [c[0] + 0.5, c[1] + 0.5]).collect(),
-        colors: Vec::new(),
         triangles: vec![[0, 1, 2], [1, 3, 2]],
+        ..Mesh::default()
     };
     let material =
         Material { base_color: [1.0; 3], roughness: 1.0, metallic: 0.0, texture: Some(Arc::new(quarters)) };
@@ -177,15 +177,16 @@ fn a_texture_appears_upright_with_its_corners_in_place() {
 fn luminance_follows_the_inverse_square_law_and_shadows_take_it_away() {
     // A lamp beside the camera lights a matt white wall; a small plate hides it from part of the wall.
     let lamp = |intensity_cd| Lighting {
-        ambient_lux: 0.0,
         lights: vec![Light {
             position: Vector3::new(0.5, 0.0, 0.0),
             target: Vector3::new(0.0, 0.0, 2.0),
             intensity_cd,
             color: [1.0; 3],
+            radius: 0.0,
             half_angle: std::f64::consts::PI,
             shadows: true,
         }],
+        ..Lighting::default()
     };
     let material = Material { base_color: [1.0; 3], roughness: 1.0, ..Material::default() };
     let mut scene = one(cuboid([9.0, 9.0, 0.02], 1.0), material.clone(), at([0.0, 0.0, 2.01], 0.0), 1);
@@ -307,7 +308,7 @@ fn what_cannot_be_drawn_is_refused_with_a_reason() {
     let place = at([0.0, 0.0, 1.0], 0.0);
     let of = |mesh| one(mesh, Material::default(), place, 1);
     let far = one(cube(), Material::default(), at([f64::NAN, 0.0, 1.0], 0.0), 5);
-    let dark = Lighting { ambient_lux: -1.0, lights: Vec::new() };
+    let dark = Lighting { ambient_lux: -1.0, ..Lighting::default() };
     let huge = Intrinsics { width: 100_000, ..SMALL };
     let bright = ambient(10.0);
     for mut renderer in renderers("refusals") {
@@ -376,5 +377,5 @@ fn shaders_are_valid() {
         .unwrap_or_else(|e| panic!("{}: {e:?}", path.display()));
         count += 1;
     }
-    assert_eq!(count, 2);
+    assert_eq!(count, 3);
 }

@@ -34,6 +34,6 @@ impl World {
                 label: index as u16 + 1,
             });
         }
-        RenderScene { instances }
+        RenderScene { instances, bounce: None }
     }
 }

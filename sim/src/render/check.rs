@@ -51,6 +51,8 @@ pub(super) fn check_mesh(renderer: &'static str, mesh: &Mesh) -> Result<()> {
         format!("{} texture coordinates for {vertices} vertices", mesh.uvs.len())
     } else if !fits(mesh.colors.len()) {
         format!("{} colours for {vertices} vertices", mesh.colors.len())
+    } else if !fits(mesh.finish.len()) {
+        format!("{} finishes for {vertices} vertices", mesh.finish.len())
     } else if let Some(i) =
         mesh.positions.iter().position(|p| !p.coords.iter().all(|c| c.is_finite() && c.abs() < 1e6))
     {
@@ -69,6 +71,9 @@ impl Lighting {
         let bad = |v: f64| !(v.is_finite() && v >= 0.0);
         if bad(self.ambient_lux) {
             return Some(format!("ambient_lux = {}: must be finite and not negative", self.ambient_lux));
+        }
+        if self.ambient_color.iter().any(|&c| bad(c) || c > 1.0) {
+            return Some(format!("ambient_color = {:?}: each channel must be 0 to 1", self.ambient_color));
         }
         if self.lights.len() > MAX_LIGHTS {
             return Some(format!("{} lights: at most {MAX_LIGHTS} can be drawn", self.lights.len()));
@@ -93,6 +98,9 @@ impl Lighting {
             }
             if light.color.iter().any(|&c| bad(c) || c > 1.0) {
                 return Some(format!("lights[{i}].color = {:?}: each channel must be 0 to 1", light.color));
+            }
+            if bad(light.radius) || light.radius > 5.0 {
+                return Some(format!("lights[{i}].radius = {}: must be 0 to 5 m", light.radius));
             }
             let pi = std::f64::consts::PI;
             if !(light.half_angle > 0.0 && light.half_angle <= pi + 1e-9) {

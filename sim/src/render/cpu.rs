@@ -1,7 +1,7 @@
 //! The CPU ray caster: needs no graphics adapter, and is the oracle for the one that does.
 //!
 //! One ray through each pixel's centre decides depth, label and colour. Where neighbours lie on different surfaces the
-//! colour (only) is the mean of four rays spread over the pixel. Every pixel is computed alone, so the picture is the same
+//! colour (only) is the mean of that ray's and three more, spread over the pixel. Every pixel is computed alone, so the picture is the same
 //! to the bit on any number of threads.
 
 use std::collections::HashMap;
@@ -14,18 +14,21 @@ use rayon::prelude::*;
 
 use super::bvh::{Aabb, Bvh, Ray};
 use super::check::{check_mesh, check_view};
+use super::occlusion::{on_disk, open_share, rotation};
 use super::pyramid::Pyramid;
 use super::shading::{MIN_ROUGHNESS, Surface, ViewLighting};
 use super::srgb::{LINEAR_OF_8BIT, color_to_linear};
-use super::{Lighting, NEAR, RenderScene, Renderer, Rendering};
+use super::{Lighting, NEAR, RenderScene, Renderer, Rendering, SUBPIXELS};
 use crate::camera::Intrinsics;
 use crate::error::Result;
 use crate::images::Image;
 use crate::mesh::Mesh;
 use crate::pose::{Camera, Pose, World};
 
-/// Where in the pixel the four rays of an edge pixel go (the rotated grid that graphics hardware uses).
-const SUBPIXELS: [[f64; 2]; 4] = [[-0.125, -0.375], [0.375, -0.125], [-0.375, 0.125], [0.125, 0.375]];
+/// Rays to points of an area light: few first, and all of them only where those do not agree, in the half-shadow.
+const LIGHT_RAYS: u32 = 16;
+/// Every n-th of them comes first.
+const FIRST_RAYS: usize = 5;
 
 /// Shadow rays start this far off their surface, metres.
 const SHADOW_OFFSET: f32 = 2e-4;
@@ -122,7 +125,7 @@ impl Renderer for CpuRenderer {
     ) -> Result<Rendering> {
         check_view("cpu", scene, lighting, intrinsics, world_from_camera)?;
         let view = self.prepare(scene, world_from_camera.inverse().iso())?;
-        let lighting = ViewLighting::new(lighting, world_from_camera);
+        let lighting = ViewLighting::new(lighting, scene.bounce.as_ref(), world_from_camera);
         let (width, height) = (intrinsics.width, intrinsics.height);
 
         let mut hits: Vec<Option<Hit>> = vec![None; width * height];
@@ -132,6 +135,7 @@ impl Renderer for CpuRenderer {
             }
         });
 
+        let seen = |u: usize, v: usize| hits[v * width + u].map_or(0.0, |hit| hit.depth as f32);
         let mut rendering = Rendering {
             radiance: Image::filled(width, height, [0.0; 3]),
             depth: Image::filled(width, height, 0.0),
@@ -155,20 +159,23 @@ impl Renderer for CpuRenderer {
                         cos[u] = hit.cos_incidence;
                     }
                     let edge = self.smooth_edges && is_edge(&hits, width, height, u, v);
-                    radiance[u] = if edge {
-                        let mut sum = [0.0; 3];
-                        for [du, dv] in SUBPIXELS {
-                            let (u, v) = (u as f64 + du, v as f64 + dv);
-                            let hit = view.cast(&pixel_ray(intrinsics, u, v));
-                            let color = view.shade(hit.as_ref(), &lighting, intrinsics, u, v);
+                    let shade = |du: f64, dv: f64, hit: Option<&Hit>| {
+                        let open = |point: &Point3<f32>, normal: &Vector3<f32>| {
+                            open_share(seen, intrinsics, [u, v], point, normal)
+                        };
+                        view.shade(hit, &lighting, intrinsics, [u as f64 + du, v as f64 + dv], open)
+                    };
+                    radiance[u] = shade(0.0, 0.0, hit.as_ref());
+                    if edge {
+                        for [du, dv] in &SUBPIXELS[1..] {
+                            let ray = pixel_ray(intrinsics, u as f64 + du, v as f64 + dv);
+                            let color = shade(*du, *dv, view.cast(&ray).as_ref());
                             for c in 0..3 {
-                                sum[c] += 0.25 * color[c];
+                                radiance[u][c] += color[c];
                             }
                         }
-                        sum
-                    } else {
-                        view.shade(hit.as_ref(), &lighting, intrinsics, u as f64, v as f64)
-                    };
+                        radiance[u] = radiance[u].map(|c| 0.25 * c);
+                    }
                 }
             });
         Ok(rendering)
@@ -339,32 +346,57 @@ impl View {
         if smooth.dot(face) < 0.0 { -smooth } else { smooth }
     }
 
-    /// Luminance of what was hit through image point (u, v), or of the background.
+    /// Luminance of what was hit through image point (u, v), or of the background. `open(point, normal)` is the share of
+    /// ambient light that arrives.
     fn shade(
         &self,
         hit: Option<&Hit>,
         lighting: &ViewLighting,
         intrinsics: &Intrinsics,
-        u: f64,
-        v: f64,
+        [u, v]: [f64; 2],
+        open: impl Fn(&Point3<f32>, &Vector3<f32>) -> f32,
     ) -> [f32; 3] {
         let Some(hit) = hit else {
             return lighting.background;
         };
-        let placed = &self.instances[hit.instance as usize];
         let point = (Point3::from(pixel_ray(intrinsics, u, v) * hit.depth)).cast::<f32>();
-        let surface = Surface {
-            point,
-            normal: self.normal(hit.instance, hit.triangle, hit.weights, &hit.face),
-            albedo: self.albedo(hit, intrinsics, u, v).into(),
-            roughness: placed.roughness,
-            metallic: placed.metallic,
-        };
-        surface.radiance(lighting, |light, to_light| {
+        let normal = self.normal(hit.instance, hit.triangle, hit.weights, &hit.face);
+        let [roughness, metallic] = self.finish(hit);
+        let albedo = self.albedo(hit, intrinsics, u, v).into();
+        let surface = Surface { point, normal, albedo, roughness, metallic };
+        let angle = rotation(u.round() as usize, v.round() as usize);
+        surface.radiance(lighting, open(&point, &normal), |light, to_light| {
             let side = hit.face * hit.face.dot(to_light).signum();
             let start = point + side * (SHADOW_OFFSET * (1.0 + point.z));
-            f32::from(!self.blocked(&start, &lighting.lights[light].position))
+            let light = &lighting.lights[light];
+            if light.radius <= 0.0 {
+                return f32::from(!self.blocked(&start, &light.position));
+            }
+            let across = to_light.cross(&if to_light.x.abs() < 0.8 { Vector3::x() } else { Vector3::y() });
+            let across = across.normalize() * light.radius;
+            let along = to_light.cross(&across);
+            let arrives = |i: u32| {
+                let [x, y] = on_disk(i, LIGHT_RAYS, angle);
+                !self.blocked(&start, &(light.position + across * x + along * y))
+            };
+            let first: Vec<bool> = (0..LIGHT_RAYS).step_by(FIRST_RAYS).map(arrives).collect();
+            if first.iter().all(|&a| a == first[0]) {
+                return f32::from(first[0]);
+            }
+            (0..LIGHT_RAYS).filter(|&i| arrives(i)).count() as f32 / LIGHT_RAYS as f32
         })
+    }
+
+    /// Roughness and metallic of what was hit: the vertices' own, or the material's.
+    fn finish(&self, hit: &Hit) -> [f32; 2] {
+        let placed = &self.instances[hit.instance as usize];
+        let mesh = &placed.mesh.mesh;
+        if mesh.finish.is_empty() {
+            return [placed.roughness, placed.metallic];
+        }
+        let [a, b, c] = mesh.triangles[hit.triangle as usize].map(|i| mesh.finish[i as usize].map(f32::from));
+        let [wb, wc] = hit.weights.map(|w| w as f32);
+        std::array::from_fn(|i| (a[i] * (1.0 - wb - wc) + b[i] * wb + c[i] * wc) / 255.0)
     }
 
     /// Base colour times vertex colour times texture, linear.

@@ -7,6 +7,7 @@ mod bvh;
 mod check;
 pub mod cpu;
 mod furniture;
+mod occlusion;
 mod pyramid;
 mod shading;
 pub(crate) mod srgb;
@@ -15,7 +16,7 @@ pub mod wgpu;
 
 use std::sync::Arc;
 
-use nalgebra::{Isometry3, Vector3};
+use nalgebra::{Isometry3, Point3, Vector3};
 use serde::{Deserialize, Serialize};
 
 use crate::camera::Intrinsics;
@@ -29,6 +30,9 @@ pub use self::shading::MAX_LIGHTS;
 
 /// Nothing nearer to the camera than this along its axis is drawn, metres: the camera looks out through its own housing.
 pub const NEAR: f64 = 0.02;
+
+/// Where in an edge pixel the samples of its colour are taken, pixels off the centre: there, and on a triangle about it.
+pub(crate) const SUBPIXELS: [[f64; 2]; 4] = [[0.0, 0.0], [0.36, 0.09], [-0.26, 0.27], [-0.10, -0.36]];
 
 /// Opens a renderer. [`RendererChoice::Auto`] falls back to the CPU, saying so in one log line.
 ///
@@ -64,6 +68,19 @@ pub struct Instance {
 pub struct RenderScene {
     /// Instances in any order.
     pub instances: Vec<Instance>,
+    /// The table's top, by whose light its colour bleeds into what stands on it.
+    pub bounce: Option<Bounce>,
+}
+
+/// A matt horizontal disk that reflects the light that falls on it upwards.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Bounce {
+    /// World frame, metres.
+    pub center: Point3<f64>,
+    /// Metres.
+    pub radius: f64,
+    /// Linear reflectance, 0 to 1.
+    pub albedo: [f32; 3],
 }
 
 /// One light source, in the world frame.
@@ -79,6 +96,9 @@ pub struct Light {
     /// Linear RGB, brightest channel 1. White unless given.
     #[serde(default = "white")]
     pub color: [f64; 3],
+    /// Radius of the luminous disk, metres: the larger, the softer its shadows. 0, a point, unless given.
+    #[serde(default)]
+    pub radius: f64,
     /// Half angle of the cone in radians; a value of pi, the default, shines everywhere.
     #[serde(default = "everywhere")]
     pub half_angle: f64,
@@ -105,9 +125,19 @@ fn casts_shadows() -> bool {
 pub struct Lighting {
     /// Illuminance of the ambient light on a surface that faces up, lux; surfaces that face down get 40 % of it.
     pub ambient_lux: f64,
+    /// Linear RGB of the ambient light, brightest channel 1. White unless given.
+    #[serde(default = "white")]
+    pub ambient_color: [f64; 3],
     /// Up to four sources. None unless given.
     #[serde(default)]
     pub lights: Vec<Light>,
+}
+
+impl Default for Lighting {
+    /// Darkness.
+    fn default() -> Self {
+        Self { ambient_lux: 0.0, ambient_color: white(), lights: Vec::new() }
+    }
 }
 
 /// What a renderer returns. All images have the size of the intrinsics.

@@ -8,7 +8,7 @@ use std::f32::consts::PI;
 
 use nalgebra::{Point3, Vector3};
 
-use super::Lighting;
+use super::{Bounce, Lighting};
 use crate::pose::{Camera, Pose, World};
 
 /// The most lights a scene may have.
@@ -23,6 +23,9 @@ const HOT_SPOT: f32 = 0.4;
 
 /// Linear reflectance of what lies behind the scene, lit by the ambient light.
 const BACKGROUND_ALBEDO: [f32; 3] = [0.42, 0.40, 0.37];
+
+/// What lies lower than this against the table's top gets no light from it, metres.
+pub(super) const BOUNCE_LOWEST: f32 = -0.002;
 
 /// Smoother surfaces have highlights smaller than a pixel.
 pub(super) const MIN_ROUGHNESS: f32 = 0.08;
@@ -39,6 +42,8 @@ pub(super) struct ViewLight {
     pub cos_outer: f32,
     /// Cosine of the hot spot's edge.
     pub cos_inner: f32,
+    /// Radius of the luminous disk, metres.
+    pub radius: f32,
     pub shadows: bool,
 }
 
@@ -46,18 +51,31 @@ pub(super) struct ViewLight {
 #[derive(Debug, Clone)]
 pub(super) struct ViewLighting {
     pub lights: Vec<ViewLight>,
-    /// Lux on a surface that faces up.
-    pub ambient: f32,
+    /// Lux a channel on a surface that faces up, from sky or ceiling and walls.
+    pub sky: Vector3<f32>,
+    /// Lux a channel on a surface that faces down, from the floor.
+    pub ground: Vector3<f32>,
+    pub bounce: Option<ViewBounce>,
     /// World up.
     pub up: Vector3<f32>,
     /// Luminance where nothing is hit.
     pub background: [f32; 3],
 }
 
+/// A lit disk that colours what is above it: the table's top. Its light arrives with the form factor of a disk that
+/// faces the receiver, r^2 / (r^2 + d^2).
+#[derive(Debug, Clone, Copy)]
+pub(super) struct ViewBounce {
+    pub center: Point3<f32>,
+    pub radius: f32,
+    /// Lux a channel that it sends up, right above it.
+    pub lux: Vector3<f32>,
+}
+
 impl ViewLighting {
-    pub fn new(lighting: &Lighting, world_from_camera: &Pose<World, Camera>) -> Self {
+    pub fn new(lighting: &Lighting, bounce: Option<&Bounce>, world_from_camera: &Pose<World, Camera>) -> Self {
         let camera_from_world = world_from_camera.inverse();
-        let lights = lighting
+        let lights: Vec<ViewLight> = lighting
             .lights
             .iter()
             .map(|light| {
@@ -73,23 +91,45 @@ impl ViewLighting {
                     } else {
                         (light.half_angle * f64::from(HOT_SPOT)).cos() as f32
                     },
+                    radius: light.radius as f32,
                     shadows: light.shadows,
                 }
             })
             .collect();
-        let ambient = lighting.ambient_lux as f32;
+        let up: Vector3<f32> = camera_from_world.transform_vector(&Vector3::z()).cast();
+        let sky = Vector3::from(lighting.ambient_color).cast() * lighting.ambient_lux as f32;
+        let bounce = bounce.map(|bounce| {
+            let center: Point3<f32> = camera_from_world.transform_point(&bounce.center).cast();
+            let direct = lights.iter().filter_map(|light| {
+                let (to_light, lux) = light.reach(&center)?;
+                Some(lux * to_light.dot(&up).max(0.0))
+            });
+            let arriving = direct.fold(sky, |sum, lux| sum + lux);
+            let lux = arriving.component_mul(&Vector3::from(bounce.albedo));
+            ViewBounce { center, radius: bounce.radius as f32, lux }
+        });
         Self {
             lights,
-            ambient,
-            up: camera_from_world.transform_vector(&Vector3::z()).cast(),
-            background: BACKGROUND_ALBEDO.map(|albedo| albedo * ambient / PI),
+            ground: sky * AMBIENT_FROM_BELOW,
+            bounce,
+            up,
+            background: (sky.component_mul(&Vector3::from(BACKGROUND_ALBEDO)) / PI).into(),
+            sky,
         }
     }
 
-    /// Ambient illuminance, lux, on a surface whose normal is `normal`.
-    fn ambient_on(&self, normal: &Vector3<f32>) -> f32 {
+    /// Ambient illuminance, lux a channel, at `point` on a surface whose normal is `normal`.
+    fn ambient_on(&self, point: &Point3<f32>, normal: &Vector3<f32>) -> Vector3<f32> {
         let above = 0.5 + 0.5 * normal.dot(&self.up);
-        self.ambient * (AMBIENT_FROM_BELOW + (1.0 - AMBIENT_FROM_BELOW) * above)
+        let mut below = self.ground;
+        if let Some(bounce) = &self.bounce {
+            let offset = point - bounce.center;
+            if offset.dot(&self.up) > BOUNCE_LOWEST {
+                let squared = bounce.radius * bounce.radius;
+                below += bounce.lux * (squared / (squared + offset.norm_squared()));
+            }
+        }
+        self.sky * above + below * (1.0 - above)
     }
 }
 
@@ -121,8 +161,14 @@ pub(super) struct Surface {
 }
 
 impl Surface {
-    /// Luminance towards the camera, cd/m^2 a channel. `lit(i, to_light)` is the share of light `i` that arrives.
-    pub fn radiance(&self, lighting: &ViewLighting, lit: impl Fn(usize, &Vector3<f32>) -> f32) -> [f32; 3] {
+    /// Luminance towards the camera, cd/m^2 a channel. `open` is the share of the ambient light that arrives,
+    /// `lit(i, to_light)` that of light `i`.
+    pub fn radiance(
+        &self,
+        lighting: &ViewLighting,
+        open: f32,
+        lit: impl Fn(usize, &Vector3<f32>) -> f32,
+    ) -> [f32; 3] {
         let view = -self.point.coords.normalize();
         let n_v = self.normal.dot(&view).max(1e-3);
         let specular = Vector3::repeat(0.04).lerp(&self.albedo, self.metallic);
@@ -130,8 +176,10 @@ impl Surface {
 
         // Ambient: matt part by the hemisphere about the normal, glossy part by the one about the mirror direction.
         let mirror = self.normal * (2.0 * self.normal.dot(&view)) - view;
-        let mut radiance = diffuse * lighting.ambient_on(&self.normal)
-            + ambient_gloss(specular, self.roughness, n_v) * (lighting.ambient_on(&mirror) / PI);
+        let gloss = ambient_gloss(specular, self.roughness, n_v) / PI;
+        let mut radiance = (diffuse.component_mul(&lighting.ambient_on(&self.point, &self.normal))
+            + gloss.component_mul(&lighting.ambient_on(&self.point, &mirror)))
+            * open;
 
         for (i, light) in lighting.lights.iter().enumerate() {
             let Some((to_light, illuminance)) = light.reach(&self.point) else {
@@ -147,7 +195,9 @@ impl Surface {
             }
             let half = (to_light + view).normalize();
             let fresnel = schlick(specular, view.dot(&half).max(0.0));
-            let gloss = fresnel * ggx(self.roughness, self.normal.dot(&half), n_l, n_v);
+            let distance = (light.position - self.point).norm();
+            let roughness = widened(self.roughness, light.radius, distance);
+            let gloss = fresnel * ggx(roughness, self.normal.dot(&half), n_l, n_v);
             let matt = diffuse.component_mul(&(Vector3::repeat(1.0) - fresnel));
             radiance += (matt + gloss).component_mul(&illuminance) * (n_l * share);
         }
@@ -174,6 +224,11 @@ fn ggx(roughness: f32, n_h: f32, n_l: f32, n_v: f32) -> f32 {
     distribution * 0.5 / (shadow_v + shadow_l).max(1e-6)
 }
 
+/// Roughness that makes the highlight of a point as wide as that of a disk of `radius` at `distance` (Karis 2013).
+fn widened(roughness: f32, radius: f32, distance: f32) -> f32 {
+    (roughness * roughness + 0.5 * radius / distance.max(0.01)).min(1.0).sqrt()
+}
+
 /// Reflectance of a glossy surface under even light (Karis 2014, the analytic fit).
 fn ambient_gloss(specular: Vector3<f32>, roughness: f32, n_v: f32) -> Vector3<f32> {
     let r =
@@ -194,9 +249,14 @@ mod tests {
             intensity_cd: 200.0,
             color: [1.0, 0.5, 0.25],
             half_angle,
+            radius: 0.0,
             shadows: false,
         };
-        ViewLighting::new(&Lighting { ambient_lux: 0.0, lights: vec![light] }, &Pose::identity())
+        ViewLighting::new(
+            &Lighting { lights: vec![light], ..Lighting::default() },
+            None,
+            &Pose::identity(),
+        )
     }
 
     #[test]
@@ -209,7 +269,7 @@ mod tests {
             roughness: 1.0,
             metallic: 0.0,
         };
-        let radiance = surface.radiance(&lighting(std::f64::consts::PI), |_, _| 1.0);
+        let radiance = surface.radiance(&lighting(std::f64::consts::PI), 1.0, |_, _| 1.0);
         let matt = 0.5 * 50.0 / PI;
         assert!((radiance[0] / matt - 1.0).abs() < 0.05, "{radiance:?}");
         assert!((radiance[1] / radiance[0] - 0.5).abs() < 1e-5);

@@ -132,6 +132,7 @@ fn stl(bytes: &[u8]) -> Result<Vec<Part>, String> {
                 normals: Vec::new(),
                 uvs: Vec::new(),
                 colors: Vec::new(),
+                finish: Vec::new(),
                 triangles: mesh.faces,
             },
             material: None,
@@ -170,6 +171,7 @@ fn obj(path: &Path) -> Result<Vec<Part>, String> {
                     // OBJ's v points up, ours down.
                     uvs: mesh.texcoords.as_chunks::<2>().0.iter().map(|&[u, v]| [u, 1.0 - v]).collect(),
                     colors: Vec::new(),
+                    finish: Vec::new(),
                     triangles: mesh.indices.as_chunks::<3>().0.to_vec(),
                 },
                 material,

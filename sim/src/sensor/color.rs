@@ -234,7 +234,7 @@ mod tests {
             name: String::new(),
             description: String::new(),
             placement: Placement::Spread,
-            lighting: Lighting { ambient_lux, lights: Vec::new() },
+            lighting: Lighting { ambient_lux, ..Lighting::default() },
             exposure: limits(0.033, max_gain),
         };
         let statistics = |lux: f64| {
@@ -256,15 +256,16 @@ mod tests {
     #[test]
     fn warm_light_is_mostly_balanced_away() {
         let lighting = Lighting {
-            ambient_lux: 0.0,
             lights: vec![Light {
                 position: Vector3::z(),
                 target: Vector3::zeros(),
                 intensity_cd: 100.0,
                 color: [1.0, 0.8, 0.5],
+                radius: 0.0,
                 half_angle: 1.0,
                 shadows: false,
             }],
+            ..Lighting::default()
         };
         let white = ColorSensor::default().white_balance(&lighting);
         assert_eq!(white[0], 1.0);

@@ -161,5 +161,5 @@ pub fn tabletop() -> RenderScene {
     furniture(cuboid([0.7, 1.2, 0.04], 1.5), textured(textures::wood(7), 0.55), [0.85, 0.0, top - 0.02]);
     furniture(cuboid([8.0, 8.0, 0.02], 8.0), textured(textures::floor(3), 0.7), [0.0, 0.0, -0.01]);
     furniture(cuboid([0.02, 8.0, 3.0], 3.0), textured(textures::wall(), 0.9), [2.5, 0.0, 1.5]);
-    RenderScene { instances }
+    RenderScene { instances, bounce: None }
 }

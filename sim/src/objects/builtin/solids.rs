@@ -220,6 +220,7 @@ impl MeshBuilder {
             normals: self.normals.iter().map(|n| n.cast()).collect(),
             uvs: self.uvs.iter().map(|uv| uv.map(|v| v as f32)).collect(),
             colors: Vec::new(),
+            finish: Vec::new(),
             triangles: self.triangles,
         }
     }

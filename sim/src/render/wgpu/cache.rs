@@ -29,8 +29,11 @@ pub(super) struct Vertex {
     position: [f32; 3],
     normal: [f32; 3],
     uv: [f32; 2],
-    /// Linear light in 65535 steps, so that it is interpolated in linear light.
+    /// Linear light in 65535 steps, so that it is interpolated in linear light. The fourth is 0, or the largest where
+    /// the vertex has a finish of its own.
     color: [u16; 4],
+    /// Roughness and metallic in 255 steps.
+    finish: [u8; 4],
 }
 
 /// A mesh on the device.
@@ -115,7 +118,8 @@ fn upload_mesh(gpu: &Gpu, mesh: &Mesh) -> GpuMesh {
                 position: mesh.positions[i].coords.into(),
                 normal: mesh.normals[i].into(),
                 uv: mesh.uvs.get(i).copied().unwrap_or_default(),
-                color: [color[0], color[1], color[2], u16::MAX],
+                color: [color[0], color[1], color[2], if mesh.finish.is_empty() { 0 } else { u16::MAX }],
+                finish: mesh.finish.get(i).map_or([0; 4], |&[roughness, metallic]| [roughness, metallic, 0, 0]),
             }
         })
         .collect();

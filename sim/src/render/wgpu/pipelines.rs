@@ -1,8 +1,9 @@
-//! The three pipelines (shadow, geometry, colour) and the layouts of what they read; made once.
+//! The pipelines (shadow, geometry, colour, smooth edges) and the layouts of what they read; made once.
 
 use wgpu::{
-    BindGroupLayout, BindGroupLayoutDescriptor, BindGroupLayoutEntry, BindingType, BufferBindingType,
-    ColorTargetState, CompareFunction, DepthStencilState, Device, FragmentState, MultisampleState,
+    BindGroup, BindGroupDescriptor, BindGroupEntry, BindGroupLayout, BindGroupLayoutDescriptor,
+    BindGroupLayoutEntry, BindingResource, BindingType, BlendState,
+    BufferBindingType, ColorTargetState, ColorWrites, CompareFunction, DepthStencilState, Device, FragmentState, MultisampleState,
     PipelineLayoutDescriptor, PrimitiveState, RenderPipeline, RenderPipelineDescriptor, SamplerBindingType,
     ShaderModule, ShaderModuleDescriptor, ShaderSource, ShaderStages, TextureFormat, TextureSampleType,
     TextureViewDimension, VertexBufferLayout, VertexState, VertexStepMode, vertex_attr_array,
@@ -16,28 +17,46 @@ pub(super) const DEPTH: TextureFormat = TextureFormat::R32Float;
 pub(super) const LABELS: TextureFormat = TextureFormat::R32Uint;
 /// Cosine of the angle of incidence.
 pub(super) const COS: TextureFormat = TextureFormat::R32Float;
-/// Luminance: half floats keep 11 bits, the finest that every adapter can multisample.
+/// Luminance: half floats keep 11 bits, the finest that every adapter can blend.
 pub(super) const COLOR: TextureFormat = TextureFormat::Rgba16Float;
 /// Depth buffers.
 pub(super) const DEPTH_BUFFER: TextureFormat = TextureFormat::Depth32Float;
 
+/// Which pixels are edges: 0 or 1.
+pub(super) const EDGES: TextureFormat = TextureFormat::R8Unorm;
+
 pub(super) struct Pipelines {
     pub shadow: RenderPipeline,
     pub geometry: RenderPipeline,
+    /// Shades what the geometry pass has found nearest.
     pub color: RenderPipeline,
+    /// Shades what lies nearest in its own depth buffer.
+    pub sample: RenderPipeline,
+    /// Finds edges.
+    pub find: RenderPipeline,
+    /// Closes the depth buffer off edges.
+    pub open: RenderPipeline,
+    /// Mix the second, third and fourth sample into the picture.
+    pub mix: [RenderPipeline; 3],
     /// The light's view and the instances.
     pub shadow_group: BindGroupLayout,
-    /// Frame, instances, shadow maps.
+    /// View, frame, instances.
     pub frame_group: BindGroupLayout,
     /// A texture and its sampler.
     pub texture_group: BindGroupLayout,
+    /// Shadow maps and the depth image.
+    pub light_group: BindGroupLayout,
+    /// Depth, labels, angle of incidence.
+    pub seen_group: BindGroupLayout,
+    /// One image that is read pixel by pixel.
+    pub image_group: BindGroupLayout,
 }
 
 impl Pipelines {
-    /// For a colour target of `samples` samples a pixel (1 or 4).
-    pub fn new(device: &Device, samples: u32) -> Self {
+    pub fn new(device: &Device) -> Self {
         let scene = shader(device, "scene", include_str!("scene.wgsl"));
         let shadow = shader(device, "shadow", include_str!("shadow.wgsl"));
+        let edges = shader(device, "edges", include_str!("edges.wgsl"));
 
         let uniform = |has_dynamic_offset| BindingType::Buffer {
             ty: BufferBindingType::Uniform,
@@ -49,28 +68,33 @@ impl Pipelines {
             has_dynamic_offset: false,
             min_binding_size: None,
         };
-        let both = ShaderStages::VERTEX_FRAGMENT;
-        let shadow_group =
-            layout(device, &[(ShaderStages::VERTEX, uniform(true)), (ShaderStages::VERTEX, instances)]);
+        let image = |sample_type| texture(sample_type, TextureViewDimension::D2);
+        let floats = image(TextureSampleType::Float { filterable: false });
+        let (vertex, fragment) = (ShaderStages::VERTEX, ShaderStages::FRAGMENT);
+        let shadow_group = layout(device, &[(vertex, uniform(true)), (vertex, instances)]);
         let frame_group = layout(
             device,
-            &[
-                (both, uniform(false)),
-                (both, instances),
-                (ShaderStages::FRAGMENT, texture(TextureSampleType::Depth, TextureViewDimension::D2Array)),
-                (ShaderStages::FRAGMENT, BindingType::Sampler(SamplerBindingType::Comparison)),
-            ],
+            &[(vertex, uniform(true)), (ShaderStages::VERTEX_FRAGMENT, uniform(false)), (vertex, instances)],
         );
         let texture_group = layout(
             device,
             &[
-                (
-                    ShaderStages::FRAGMENT,
-                    texture(TextureSampleType::Float { filterable: true }, TextureViewDimension::D2),
-                ),
-                (ShaderStages::FRAGMENT, BindingType::Sampler(SamplerBindingType::Filtering)),
+                (fragment, image(TextureSampleType::Float { filterable: true })),
+                (fragment, BindingType::Sampler(SamplerBindingType::Filtering)),
             ],
         );
+        let light_group = layout(
+            device,
+            &[
+                (fragment, texture(TextureSampleType::Depth, TextureViewDimension::D2Array)),
+                (fragment, floats),
+            ],
+        );
+        let seen_group = layout(
+            device,
+            &[(fragment, floats), (fragment, image(TextureSampleType::Uint)), (fragment, floats)],
+        );
+        let image_group = layout(device, &[(fragment, floats)]);
 
         let pipeline = |stage: &Stage<'_>| {
             let layout = device.create_pipeline_layout(&PipelineLayoutDescriptor {
@@ -78,8 +102,14 @@ impl Pipelines {
                 bind_group_layouts: stage.groups,
                 immediate_size: 0,
             });
-            let targets: Vec<Option<ColorTargetState>> =
-                stage.targets.iter().map(|&format| Some(format.into())).collect();
+            let meshes = [Some(VertexBufferLayout {
+                array_stride: size_of::<Vertex>() as u64,
+                step_mode: VertexStepMode::Vertex,
+                attributes: &vertex_attr_array![
+                    0 => Float32x3, 1 => Float32x3, 2 => Float32x2, 3 => Unorm16x4, 4 => Unorm8x4
+                ],
+            })];
+            let whole_picture = stage.vertex == WHOLE;
             device.create_render_pipeline(&RenderPipelineDescriptor {
                 label: Some(stage.label),
                 layout: Some(&layout),
@@ -87,35 +117,55 @@ impl Pipelines {
                     module: stage.module,
                     entry_point: Some(stage.vertex),
                     compilation_options: Default::default(),
-                    buffers: &[Some(VertexBufferLayout {
-                        array_stride: size_of::<Vertex>() as u64,
-                        step_mode: VertexStepMode::Vertex,
-                        attributes: &vertex_attr_array![
-                            0 => Float32x3, 1 => Float32x3, 2 => Float32x2, 3 => Unorm16x4
-                        ],
-                    })],
+                    buffers: if whole_picture { &[] } else { &meshes },
                 },
                 // Both sides are drawn, so that open meshes (a sheet, a bin) have an inside.
                 primitive: PrimitiveState::default(),
-                depth_stencil: Some(DepthStencilState {
+                depth_stencil: stage.depth.map(|(compare, write)| DepthStencilState {
                     format: DEPTH_BUFFER,
-                    depth_write_enabled: Some(stage.writes_depth),
-                    depth_compare: Some(stage.nearer),
+                    depth_write_enabled: Some(write),
+                    depth_compare: Some(compare),
                     stencil: Default::default(),
                     bias: Default::default(),
                 }),
-                multisample: MultisampleState { count: stage.samples, ..Default::default() },
+                multisample: MultisampleState::default(),
                 fragment: stage.fragment.map(|entry_point| FragmentState {
                     module: stage.module,
                     entry_point: Some(entry_point),
                     compilation_options: Default::default(),
-                    targets: &targets,
+                    targets: stage.targets,
                 }),
                 multiview_mask: None,
                 cache: None,
             })
         };
-        let scene_groups = [Some(&frame_group), Some(&texture_group)];
+        let writes = |format: TextureFormat| Some(ColorTargetState::from(format));
+        // The camera's depth buffer is reversed (1 near, 0 at infinity): even precision at all distances.
+        let nearer = Some((CompareFunction::Greater, true));
+        let colored = Stage {
+            label: "color",
+            module: &scene,
+            vertex: "vs_main",
+            fragment: Some("fs_color"),
+            groups: &[Some(&frame_group), Some(&texture_group), Some(&light_group)],
+            targets: &[writes(COLOR)],
+            depth: Some((CompareFunction::Equal, false)),
+        };
+        let mix = |fragment| {
+            pipeline(&Stage {
+                label: "mix",
+                module: &edges,
+                vertex: WHOLE,
+                fragment: Some(fragment),
+                groups: &[None, Some(&image_group), Some(&image_group)],
+                targets: &[Some(ColorTargetState {
+                    format: COLOR,
+                    blend: Some(BlendState::ALPHA_BLENDING),
+                    write_mask: ColorWrites::COLOR,
+                })],
+                depth: None,
+            })
+        };
         Self {
             shadow: pipeline(&Stage {
                 label: "shadow",
@@ -124,52 +174,66 @@ impl Pipelines {
                 fragment: None,
                 groups: &[Some(&shadow_group)],
                 targets: &[],
-                nearer: CompareFunction::Less,
-                writes_depth: true,
-                samples: 1,
+                depth: Some((CompareFunction::Less, true)),
             }),
             geometry: pipeline(&Stage {
                 label: "geometry",
                 module: &scene,
                 vertex: "vs_main",
                 fragment: Some("fs_geometry"),
-                groups: &scene_groups,
-                targets: &[DEPTH, LABELS, COS],
-                // The camera's depth buffer is reversed (1 near, 0 at infinity): even precision at all distances.
-                nearer: CompareFunction::Greater,
-                writes_depth: true,
-                samples: 1,
+                groups: &[Some(&frame_group)],
+                targets: &[writes(DEPTH), writes(LABELS), writes(COS)],
+                depth: nearer,
             }),
-            color: pipeline(&Stage {
-                label: "color",
-                module: &scene,
-                vertex: "vs_main",
-                fragment: Some("fs_color"),
-                groups: &scene_groups,
-                targets: &[COLOR],
-                // With one sample it starts from the depths of the geometry pass and shades each pixel once.
-                nearer: if samples == 1 { CompareFunction::Equal } else { CompareFunction::Greater },
-                writes_depth: samples > 1,
-                samples,
+            color: pipeline(&colored),
+            sample: pipeline(&Stage { label: "sample", depth: nearer, ..colored }),
+            find: pipeline(&Stage {
+                label: "find edges",
+                module: &edges,
+                vertex: WHOLE,
+                fragment: Some("fs_find"),
+                groups: &[Some(&seen_group)],
+                targets: &[writes(EDGES)],
+                depth: None,
             }),
+            open: pipeline(&Stage {
+                label: "open edges",
+                module: &edges,
+                vertex: WHOLE,
+                fragment: Some("fs_open"),
+                groups: &[None, Some(&image_group)],
+                targets: &[Some(ColorTargetState {
+                    format: COLOR,
+                    blend: None,
+                    write_mask: ColorWrites::empty(),
+                })],
+                depth: Some((CompareFunction::Always, true)),
+            }),
+            mix: [mix("fs_second"), mix("fs_third"), mix("fs_fourth")],
             shadow_group,
             frame_group,
             texture_group,
+            light_group,
+            seen_group,
+            image_group,
         }
     }
 }
 
+/// The vertex stage that covers the picture and reads no mesh.
+const WHOLE: &str = "vs_whole";
+
 /// What differs between the pipelines.
+#[derive(Clone, Copy)]
 struct Stage<'a> {
     label: &'a str,
     module: &'a ShaderModule,
     vertex: &'a str,
     fragment: Option<&'a str>,
     groups: &'a [Option<&'a BindGroupLayout>],
-    targets: &'a [TextureFormat],
-    nearer: CompareFunction,
-    writes_depth: bool,
-    samples: u32,
+    targets: &'a [Option<ColorTargetState>],
+    /// Comparison with the depth buffer, and whether it is written.
+    depth: Option<(CompareFunction, bool)>,
 }
 
 fn shader(device: &Device, label: &str, source: &'static str) -> ShaderModule {
@@ -190,4 +254,18 @@ fn layout(device: &Device, bindings: &[(ShaderStages, BindingType)]) -> BindGrou
 
 fn texture(sample_type: TextureSampleType, view_dimension: TextureViewDimension) -> BindingType {
     BindingType::Texture { sample_type, view_dimension, multisampled: false }
+}
+
+/// A bind group of `resources` in the order of `layout`.
+pub(super) fn bind(
+    device: &Device,
+    layout: &BindGroupLayout,
+    resources: &[BindingResource<'_>],
+) -> BindGroup {
+    let entries: Vec<BindGroupEntry<'_>> = resources
+        .iter()
+        .enumerate()
+        .map(|(i, resource)| BindGroupEntry { binding: i as u32, resource: resource.clone() })
+        .collect();
+    device.create_bind_group(&BindGroupDescriptor { label: None, layout, entries: &entries })
 }

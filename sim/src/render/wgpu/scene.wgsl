@@ -1,9 +1,9 @@
 // Draws posed meshes, once for geometry (depth, label, angle of incidence) and once for colour (luminance).
 // Everything is in the camera's optical frame: x right, y down, z forward, metres.
-// The shading formulas are those of shading.rs, line by line.
+// The shading formulas are those of shading.rs and occlusion.rs, line by line.
 
 const PI = 3.14159265358979;
-// Largest finite value of the half-float colour target, with room for the resolve.
+// Largest finite value of the half-float colour target, with room for sums.
 const MAX_LUMINANCE = 60000.0;
 
 struct Light {
@@ -18,60 +18,79 @@ struct Light {
     first_layer: i32,
     // 1 for one view, 6 for a cube.
     faces: u32,
-    // Side of a shadow map texel at a distance of 1 m, metres.
-    texel: f32,
+    // Radius of the luminous disk, metres.
+    radius: f32,
+    // Half width of the shadow map at a distance of 1 m along its axis, metres.
+    tangent: f32,
+    // Inverse distances, 1/m, of depth 0 and depth 1 of the shadow map.
+    inverse_near: f32,
+    inverse_far: f32,
+}
+
+struct View {
+    // clip = (x a + z c, -(y b + z d), near, z)
+    projection: vec4f,
 }
 
 struct Frame {
-    // clip = (x a + z c, -(y b + z d), near, z)
-    projection: vec4f,
+    // fx, fy, cx, cy of the pixels.
+    intrinsics: vec4f,
     up: vec3f,
-    // Lux on a surface that faces up.
-    ambient: f32,
     near: f32,
+    // Lux a channel on a surface that faces up, and on one that faces down.
+    sky: vec3f,
     light_count: u32,
-    ambient_from_below: f32,
-    padding: u32,
+    ground: vec3f,
+    bounce_radius: f32,
+    bounce_center: vec3f,
+    bounce_lowest: f32,
+    bounce_lux: vec3f,
     lights: array<Light, 4>,
-    shadow_from_camera: array<mat4x4f, 24>,
+    // Rigid transforms to the frames of the shadow maps' views, z along the view.
+    light_from_camera: array<mat4x4f, 24>,
 }
 
 struct Instance {
     camera_from_mesh: mat4x4f,
     base_color: vec3f,
+    label: u32,
     roughness: f32,
     metallic: f32,
-    label: u32,
 }
 
-@group(0) @binding(0) var<uniform> frame: Frame;
-@group(0) @binding(1) var<storage, read> instances: array<Instance>;
-@group(0) @binding(2) var shadow_maps: texture_depth_2d_array;
-@group(0) @binding(3) var shadow_sampler: sampler_comparison;
+@group(0) @binding(0) var<uniform> view: View;
+@group(0) @binding(1) var<uniform> frame: Frame;
+@group(0) @binding(2) var<storage, read> instances: array<Instance>;
 @group(1) @binding(0) var base_texture: texture_2d<f32>;
 @group(1) @binding(1) var base_sampler: sampler;
+@group(2) @binding(0) var shadow_maps: texture_depth_2d_array;
+@group(2) @binding(1) var seen_depth: texture_2d<f32>;
 
 struct Varying {
-    // Invariant: the colour pass may test against the depths that the geometry pass has left.
+    // Invariant: the colour pass tests against the depths that the geometry pass has left.
     @invariant @builtin(position) clip: vec4f,
     @location(0) point: vec3f,
     @location(1) normal: vec3f,
     @location(2) uv: vec2f,
     @location(3) color: vec3f,
-    @location(4) @interpolate(flat) instance: u32,
+    // Roughness and metallic.
+    @location(4) finish: vec2f,
+    @location(5) @interpolate(flat) label: u32,
 }
 
 @vertex
 fn vs_main(
-    @builtin(instance_index) instance: u32,
+    @builtin(instance_index) index: u32,
     @location(0) position: vec3f,
     @location(1) normal: vec3f,
     @location(2) uv: vec2f,
     @location(3) color: vec4f,
+    // Scales the material's roughness and metallic; see Mesh::finish.
+    @location(4) finish: vec2f,
 ) -> Varying {
-    let camera_from_mesh = instances[instance].camera_from_mesh;
+    let camera_from_mesh = instances[index].camera_from_mesh;
     let point = (camera_from_mesh * vec4f(position, 1.0)).xyz;
-    let p = frame.projection;
+    let p = view.projection;
     var out: Varying;
     out.clip = vec4f(
         point.x * p.x + point.z * p.z,
@@ -82,18 +101,25 @@ fn vs_main(
     out.point = point;
     out.normal = (camera_from_mesh * vec4f(normal, 0.0)).xyz;
     out.uv = uv;
-    out.color = color.rgb;
-    out.instance = instance;
+    out.color = color.rgb * instances[index].base_color;
+    out.finish = select(finish, vec2f(instances[index].roughness, instances[index].metallic), color.a > 0.5);
+    // The instance's number in the upper half tells edges between things of one label.
+    out.label = instances[index].label | ((index + 1u) << 16u);
     return out;
 }
 
-// The smooth unit normal on the side of the triangle that is seen, whichever way its corners go round.
-fn seen_normal(in: Varying) -> vec3f {
-    let across = cross(dpdx(in.point), dpdy(in.point));
-    let face = select(across, -across, dot(across, in.point) > 0.0);
+// The unit normal of the triangle on the side that is seen.
+fn face_normal(point: vec3f) -> vec3f {
+    let across = cross(dpdx(point), dpdy(point));
+    let face = select(across, -across, dot(across, point) > 0.0);
+    return face / max(length(face), 1e-30);
+}
+
+// The smooth unit normal on the side that is seen, whichever way the triangle's corners go round.
+fn seen_normal(in: Varying, face: vec3f) -> vec3f {
     let length = length(in.normal);
     if length < 1e-6 {
-        return normalize(face);
+        return face;
     }
     return select(in.normal, -in.normal, dot(in.normal, face) < 0.0) / length;
 }
@@ -108,14 +134,57 @@ struct Geometry {
 fn fs_geometry(in: Varying) -> Geometry {
     var out: Geometry;
     out.depth = in.point.z;
-    out.label = instances[in.instance].label;
-    out.cos_incidence = min(abs(dot(seen_normal(in), normalize(in.point))), 1.0);
+    out.label = in.label;
+    let normal = seen_normal(in, face_normal(in.point));
+    out.cos_incidence = min(abs(dot(normal, normalize(in.point))), 1.0);
     return out;
 }
 
-fn ambient_on(normal: vec3f) -> f32 {
-    let above = 0.5 + 0.5 * dot(normal, frame.up);
-    return frame.ambient * (frame.ambient_from_below + (1.0 - frame.ambient_from_below) * above);
+// Interleaved gradient noise (Jimenez 2014): an angle a pixel.
+fn rotation(pixel: vec2f) -> f32 {
+    return 2.0 * PI * fract(52.982918 * fract(dot(pixel, vec2f(0.06711056, 0.00583715))));
+}
+
+// Cosine and sine of the golden angle: a spiral of steps by it covers a disk evenly (Vogel 1979).
+const GOLDEN = vec2f(-0.73736888, 0.67549029);
+
+fn turn(v: vec2f) -> vec2f {
+    return vec2f(v.x * GOLDEN.x - v.y * GOLDEN.y, v.x * GOLDEN.y + v.y * GOLDEN.x);
+}
+
+const AO_RADIUS = 0.07;
+const AO_TAPS = 8;
+
+fn open_share(pixel: vec2f, spiral: vec2f, point: vec3f, normal: vec3f) -> f32 {
+    let k = frame.intrinsics;
+    let last = vec2f(textureDimensions(seen_depth) - 1u);
+    let reach = min(k.x * AO_RADIUS / point.z, 72.0);
+    let lowest = 0.0015 * point.z;
+    var direction = spiral;
+    var kept = 0.0;
+    for (var i = 0; i < AO_TAPS; i++) {
+        let step = direction * sqrt((f32(i) + 0.5) / f32(AO_TAPS));
+        direction = turn(direction);
+        let at = clamp(floor(pixel + reach * step + 0.5), vec2f(0.0), last);
+        let z = textureLoad(seen_depth, vec2i(at), 0).x;
+        let offset = vec3f((at - k.zw) / k.xy * z, z) - point;
+        let squared = dot(offset, offset);
+        let rise = max(dot(offset, normal) - lowest, 0.0);
+        kept += rise * inverseSqrt(max(squared, 1e-12)) * max(1.0 - squared / (AO_RADIUS * AO_RADIUS), 0.0);
+    }
+    return clamp(1.0 - 2.0 * kept / f32(AO_TAPS), 0.0, 1.0);
+}
+
+// Ambient light from below at a point: the floor's, and the table's as a disk that faces it.
+fn below_of(point: vec3f) -> vec3f {
+    let offset = point - frame.bounce_center;
+    let squared = frame.bounce_radius * frame.bounce_radius;
+    let share = select(0.0, squared / (squared + dot(offset, offset)), dot(offset, frame.up) > frame.bounce_lowest);
+    return frame.ground + frame.bounce_lux * share;
+}
+
+fn ambient_on(below: vec3f, normal: vec3f) -> vec3f {
+    return mix(below, frame.sky, 0.5 + 0.5 * dot(normal, frame.up));
 }
 
 fn schlick(at_normal: vec3f, cos_angle: f32) -> vec3f {
@@ -157,59 +226,111 @@ fn cube_face(v: vec3f) -> i32 {
     return select(5, 4, v.z > 0.0);
 }
 
-// Share of a light that arrives: four bilinear comparisons half a texel apart weigh 3x3 texels.
-fn lit(light: Light, point: vec3f, normal: vec3f, to_light: vec3f) -> f32 {
+const SEARCH_TAPS = 8;
+const SHADOW_TAPS = 12;
+// Nothing that casts a shadow stands farther from where it falls than this share of the light's distance.
+const NEAREST_BLOCKER = 0.7;
+
+// Share of an area light that arrives (percentage-closer soft shadows, Fernando 2005). Every comparison is against the
+// plane of the triangle where the tap's texel sees it, so that no surface shadows itself however wide the kernel.
+fn lit(light: Light, spiral: vec2f, point: vec3f, face: vec3f) -> f32 {
     if light.first_layer < 0 {
         return 1.0;
     }
-    // The map cannot tell points within its kernel apart; on a slope they would shadow each other, so the point is
-    // looked up from a little outside its surface, the more the steeper the light falls in.
-    let from_light = point - light.position;
-    let texel = light.texel * length(from_light);
-    let cos_angle = clamp(dot(normal, to_light), 0.0, 1.0);
-    let slope = sqrt(1.0 - cos_angle * cos_angle);
-    let raised = point + normal * (texel * (0.2 + 1.7 * slope)) + to_light * (0.2 * texel + 2e-4);
     var layer = light.first_layer;
+    var p: vec3f;
+    var n: vec3f;
     if light.faces == 6u {
-        layer += cube_face(raised - light.position);
+        layer += cube_face(point - light.position);
+        let m = frame.light_from_camera[layer];
+        p = (m * vec4f(point, 1.0)).xyz;
+        n = (m * vec4f(face, 0.0)).xyz;
+    } else {
+        let m = frame.light_from_camera[light.first_layer];
+        p = (m * vec4f(point, 1.0)).xyz;
+        n = (m * vec4f(face, 0.0)).xyz;
     }
-    let clip = frame.shadow_from_camera[layer] * vec4f(raised, 1.0);
-    let ndc = clip.xyz / clip.w;
-    let uv = vec2f(0.5 + 0.5 * ndc.x, 0.5 - 0.5 * ndc.y);
+    let size = f32(textureDimensions(shadow_maps).x);
+    // Pixels of the map a unit of x/z.
+    let scale = 0.5 * size / light.tangent;
+    let center = p.xy / p.z * scale;
     // Outside the map there is nothing that could cast a shadow.
-    if clip.w <= 0.0 || any(uv < vec2f(0.0)) || any(uv > vec2f(1.0)) {
+    if p.z <= 0.0 || max(abs(center.x), abs(center.y)) > 0.5 * size {
         return 1.0;
     }
-    let depth = clamp(ndc.z, 0.0, 1.0);
-    let half = 0.5 / f32(textureDimensions(shadow_maps).x);
-    var sum = 0.0;
-    for (var i = 0; i < 4; i++) {
-        let offset = vec2f(select(-half, half, (i & 1) == 1), select(-half, half, (i & 2) == 2));
-        sum += textureSampleCompareLevel(shadow_maps, shadow_sampler, uv + offset, layer, depth);
+    // The triangle's plane: 1/z is linear in x/z and y/z.
+    let inverse = 1.0 / p.z;
+    let along = dot(n, p);
+    let plane = n * select(0.0, 1.0 / along, abs(along) > 1e-5);
+    let margin = (0.001 + 0.002 * p.z) * inverse * inverse;
+    let span = light.inverse_near - light.inverse_far;
+    let last = i32(size) - 1;
+
+    // Where the half-shadow of the farthest possible blocker ends, texels.
+    let farthest = light.radius * (1.0 - NEAREST_BLOCKER) / (NEAREST_BLOCKER * p.z) * scale;
+    let search = max(farthest, 1.5);
+    var direction = spiral;
+    var blockers = 0.0;
+    var blocker_sum = 0.0;
+    for (var i = 0; i < SEARCH_TAPS; i++) {
+        let step = direction * (search * sqrt((f32(i) + 0.5) / f32(SEARCH_TAPS)));
+        direction = turn(direction);
+        let at = floor(center + step);
+        let tap = (at + 0.5) / scale;
+        let texel = clamp(vec2i(vec2f(at.x, -1.0 - at.y) + 0.5 * size), vec2i(0), vec2i(last));
+        let blocker = light.inverse_near - span * textureLoad(shadow_maps, texel, layer, 0);
+        let receiver = clamp(plane.x * tap.x + plane.y * tap.y + plane.z, 0.8 * inverse, 1.25 * inverse);
+        let blocks = blocker > receiver + margin;
+        blockers += select(0.0, 1.0, blocks);
+        blocker_sum += select(0.0, blocker, blocks);
     }
-    return 0.25 * sum;
+    if blockers == 0.0 {
+        return 1.0;
+    }
+    let width = light.radius * max(blocker_sum / blockers - inverse, 0.0) * scale;
+    let radius = max(min(width, search), 1.2);
+    var open = 0.0;
+    for (var i = 0; i < SHADOW_TAPS; i++) {
+        let step = direction * (radius * sqrt((f32(i) + 0.5) / f32(SHADOW_TAPS)));
+        direction = turn(direction);
+        let at = floor(center + step);
+        let tap = (at + 0.5) / scale;
+        let texel = clamp(vec2i(vec2f(at.x, -1.0 - at.y) + 0.5 * size), vec2i(0), vec2i(last));
+        let blocker = light.inverse_near - span * textureLoad(shadow_maps, texel, layer, 0);
+        let receiver = clamp(plane.x * tap.x + plane.y * tap.y + plane.z, 0.8 * inverse, 1.25 * inverse);
+        open += select(1.0, 0.0, blocker > receiver + margin);
+    }
+    return open / f32(SHADOW_TAPS);
 }
 
 @fragment
 fn fs_color(in: Varying) -> @location(0) vec4f {
-    let instance = instances[in.instance];
     let texel = textureSample(base_texture, base_sampler, in.uv).rgb;
-    let albedo = instance.base_color * in.color * texel;
-    let normal = seen_normal(in);
-    let view = -normalize(in.point);
-    let n_v = max(dot(normal, view), 1e-3);
-    let specular = mix(vec3f(0.04), albedo, instance.metallic);
-    let diffuse = albedo * ((1.0 - instance.metallic) / PI);
+    let albedo = in.color * texel;
+    let roughness = in.finish.x;
+    let metallic = in.finish.y;
+    let face = face_normal(in.point);
+    let normal = seen_normal(in, face);
+    let seen = -normalize(in.point);
+    let n_v = max(dot(normal, seen), 1e-3);
+    let specular = mix(vec3f(0.04), albedo, metallic);
+    let diffuse = albedo * ((1.0 - metallic) / PI);
+    let pixel = floor(in.clip.xy);
+    let angle = rotation(pixel);
+    let spiral = vec2f(cos(angle), sin(angle));
 
-    let mirror = normal * (2.0 * dot(normal, view)) - view;
-    var radiance = diffuse * ambient_on(normal)
-        + ambient_gloss(specular, instance.roughness, n_v) * (ambient_on(mirror) / PI);
+    let mirror = normal * (2.0 * dot(normal, seen)) - seen;
+    let below = below_of(in.point);
+    var radiance = (diffuse * ambient_on(below, normal)
+        + ambient_gloss(specular, roughness, n_v) * ambient_on(below, mirror) / PI)
+        * open_share(pixel, spiral, in.point, normal);
 
     for (var i = 0u; i < frame.light_count; i++) {
         let light = frame.lights[i];
         let difference = light.position - in.point;
         let squared = max(dot(difference, difference), 1e-4);
-        let to_light = difference / sqrt(squared);
+        let distance = sqrt(squared);
+        let to_light = difference / distance;
         let s = clamp(
             (-dot(to_light, light.axis) - light.cos_outer) / max(light.cos_inner - light.cos_outer, 1e-4),
             0.0,
@@ -220,11 +341,12 @@ fn fs_color(in: Varying) -> @location(0) vec4f {
         if beam <= 0.0 || n_l <= 0.0 {
             continue;
         }
-        let share = lit(light, in.point, normal, to_light);
+        let share = lit(light, spiral, in.point, face);
         let illuminance = light.intensity * (beam / squared);
-        let halfway = normalize(to_light + view);
-        let fresnel = schlick(specular, max(dot(view, halfway), 0.0));
-        let gloss = fresnel * ggx(instance.roughness, dot(normal, halfway), n_l, n_v);
+        let halfway = normalize(to_light + seen);
+        let fresnel = schlick(specular, max(dot(seen, halfway), 0.0));
+        let widened = sqrt(min(roughness * roughness + 0.5 * light.radius / max(distance, 0.01), 1.0));
+        let gloss = fresnel * ggx(widened, dot(normal, halfway), n_l, n_v);
         radiance += (diffuse * (1.0 - fresnel) + gloss) * illuminance * (n_l * share);
     }
     return vec4f(clamp(radiance, vec3f(0.0), vec3f(MAX_LUMINANCE)), 1.0);

@@ -19,10 +19,28 @@ pub(super) struct Caster {
 
 /// The shadow maps of one light.
 pub(super) struct ShadowViews {
-    /// One projection, or six for a cube in the order +x -x +y -y +z -z.
-    pub shadow_from_camera: Vec<Matrix4<f32>>,
-    /// Width of the map at a distance of 1 m, metres.
-    pub width_at_1m: f64,
+    /// Rigid transform to the frame of each view, z along it: one view, or six for a cube in the order +x -x +y -y +z -z.
+    pub light_from_camera: Vec<Matrix4<f32>>,
+    /// Half of a view's width at a distance of 1 m, metres.
+    pub tangent: f64,
+    /// Distance along the view of depth 0, metres.
+    pub near: f64,
+    /// Distance along the view of depth 1, metres.
+    pub far: f64,
+}
+
+impl ShadowViews {
+    /// Clip coordinates from a view's frame: depth 0 at `near` and 1 at `far`.
+    pub fn projection(&self) -> Matrix4<f32> {
+        let stretch = (self.far / (self.far - self.near)) as f32;
+        let scale = (1.0 / self.tangent) as f32;
+        Matrix4::from_row_slice(&[
+            scale, 0.0, 0.0, 0.0, //
+            0.0, scale, 0.0, 0.0, //
+            0.0, 0.0, stretch, -(self.near as f32) * stretch, //
+            0.0, 0.0, 1.0, 0.0,
+        ])
+    }
 }
 
 /// Views from `light` that see all `casters` in its cone; `None` where it casts no shadow.
@@ -69,40 +87,28 @@ pub(super) fn shadow_views(light: &ViewLight, casters: &[Caster]) -> Option<Shad
             let tangent = (half + 0.01).tan();
             // The nearest depth along the axis is less than the nearest distance.
             let near = (near * half.cos()).max(NEAREST);
-            Some(ShadowViews {
-                shadow_from_camera: vec![look(eye, axis.into_inner(), tangent, near, far)],
-                width_at_1m: 2.0 * tangent,
-            })
+            Some(ShadowViews { light_from_camera: vec![look(eye, axis.into_inner())], tangent, near, far })
         }
         _ => {
             let near = (near / 3.0_f64.sqrt()).max(NEAREST);
-            let shadow_from_camera =
+            let light_from_camera =
                 [Vector3::x(), -Vector3::x(), Vector3::y(), -Vector3::y(), Vector3::z(), -Vector3::z()]
                     .into_iter()
-                    .map(|forward| look(eye, forward, 1.0, near, far))
+                    .map(|forward| look(eye, forward))
                     .collect();
-            Some(ShadowViews { shadow_from_camera, width_at_1m: 2.0 })
+            Some(ShadowViews { light_from_camera, tangent: 1.0, near, far })
         }
     }
 }
 
-/// Perspective from `eye` along unit vector `forward`, depth 0 at `near` and 1 at `far`.
-fn look(eye: Point3<f64>, forward: Vector3<f64>, tangent: f64, near: f64, far: f64) -> Matrix4<f32> {
+/// To the frame of a view from `eye` along unit vector `forward`.
+fn look(eye: Point3<f64>, forward: Vector3<f64>) -> Matrix4<f32> {
     let side = if forward.x.abs() < 0.9 { Vector3::x() } else { Vector3::y() };
     let right = forward.cross(&side).normalize();
     let up = right.cross(&forward);
-    let row = |axis: Vector3<f64>, scale: f64, shift: f64| {
-        let axis = axis * scale;
-        [axis.x, axis.y, axis.z, shift - axis.dot(&eye.coords)]
-    };
-    let stretch = far / (far - near);
-    let rows = [
-        row(right, 1.0 / tangent, 0.0),
-        row(up, 1.0 / tangent, 0.0),
-        row(forward, stretch, -near * stretch),
-        row(forward, 1.0, 0.0),
-    ];
-    Matrix4::from_fn(|r, c| rows[r][c] as f32)
+    let rows = [right, up, forward].map(|axis| [axis.x, axis.y, axis.z, -axis.dot(&eye.coords)]);
+    let last = [0.0, 0.0, 0.0, 1.0];
+    Matrix4::from_fn(|r, c| rows.get(r).unwrap_or(&last)[c] as f32)
 }
 
 #[cfg(test)]
@@ -117,6 +123,7 @@ mod tests {
             intensity: Vector3::repeat(1.0),
             cos_outer,
             cos_inner: 1.0,
+            radius: 0.0,
             shadows: true,
         }
     }
@@ -130,12 +137,12 @@ mod tests {
             })
             .collect();
         let views = shadow_views(&light(-2.0), &casters).unwrap();
-        assert_eq!(views.shadow_from_camera.len(), 1);
+        assert_eq!(views.light_from_camera.len(), 1);
         for caster in &casters {
             for direction in [Vector3::x(), Vector3::y(), Vector3::z()] {
                 for sign in [-1.0, 1.0] {
                     let p = (caster.center + direction * (sign * caster.radius)).cast::<f32>();
-                    let clip = views.shadow_from_camera[0] * Vector4::new(p.x, p.y, p.z, 1.0);
+                    let clip = views.projection() * views.light_from_camera[0] * Vector4::new(p.x, p.y, p.z, 1.0);
                     let ndc = clip.xyz() / clip.w;
                     assert!(ndc.x.abs() <= 1.0 && ndc.y.abs() <= 1.0, "{ndc}");
                     assert!((0.0..=1.0).contains(&ndc.z), "{ndc}");
@@ -148,11 +155,11 @@ mod tests {
     fn a_light_among_the_casters_looks_all_around_and_a_narrow_cone_limits_the_view() {
         let around = [Caster { center: Point3::new(0.1, -2.0, 1.1), radius: 0.5 }];
         let views = shadow_views(&light(-2.0), &around).unwrap();
-        assert_eq!(views.shadow_from_camera.len(), 6);
+        assert_eq!(views.light_from_camera.len(), 6);
         let cone = 0.3_f32;
         let views = shadow_views(&light(cone.cos()), &around).unwrap();
-        assert_eq!(views.shadow_from_camera.len(), 1);
-        assert!((views.width_at_1m - 2.0 * f64::from(cone + 0.01).tan()).abs() < 1e-3);
+        assert_eq!(views.light_from_camera.len(), 1);
+        assert!((views.tangent - f64::from(cone + 0.01).tan()).abs() < 1e-3);
         assert!(shadow_views(&light(-2.0), &[]).is_none());
     }
 }

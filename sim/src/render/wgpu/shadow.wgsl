@@ -7,9 +7,9 @@ struct View {
 struct Instance {
     camera_from_mesh: mat4x4f,
     base_color: vec3f,
+    label: u32,
     roughness: f32,
     metallic: f32,
-    label: u32,
 }
 
 @group(0) @binding(0) var<uniform> view: View;

@@ -1,14 +1,14 @@
 //! The images that are drawn into, and their way back to main memory.
 
 use wgpu::{
-    Buffer, BufferDescriptor, BufferUsages, CommandEncoder, Extent3d, MapMode, PollType, TexelCopyBufferInfo,
+    BindGroup, BindingResource, Buffer, BufferDescriptor, BufferUsages, CommandEncoder, Extent3d, MapMode, PollType, TexelCopyBufferInfo,
     TexelCopyBufferLayout, Texture, TextureDescriptor, TextureDimension, TextureFormat, TextureUsages,
     TextureView, TextureViewDescriptor, TextureViewDimension,
 };
 
 use super::device::Gpu;
+use super::pipelines::{COLOR, COS, DEPTH, DEPTH_BUFFER, EDGES, LABELS, Pipelines, bind};
 use super::failed;
-use super::pipelines::{COLOR, COS, DEPTH, DEPTH_BUFFER, LABELS};
 use crate::error::Result;
 
 /// Rows in a copy start at multiples of this many bytes (`COPY_BYTES_PER_ROW_ALIGNMENT`).
@@ -22,10 +22,15 @@ pub(super) struct Targets {
     pub depth: TextureView,
     pub labels: TextureView,
     pub cos: TextureView,
-    /// One sample a pixel: what is read back.
     pub color: TextureView,
-    /// Colour and depth buffer with several samples a pixel; the former is resolved into `color`.
-    pub multisampled: Option<[TextureView; 2]>,
+    /// Which pixels are edges; a further sample of each pixel and its depth buffer.
+    pub edges: TextureView,
+    pub sample: TextureView,
+    pub sample_depth: TextureView,
+    /// [`Pipelines::seen_group`] of depth, labels and cos; [`Pipelines::image_group`]s of edges and sample.
+    pub seen_group: BindGroup,
+    pub edges_group: BindGroup,
+    pub sample_group: BindGroup,
     readback: Buffer,
     /// In the buffer's order.
     copies: [Copy; 4],
@@ -40,17 +45,16 @@ struct Copy {
 }
 
 impl Targets {
-    pub fn new(gpu: &Gpu, width: usize, height: usize, samples: u32) -> Self {
-        let texture = |format, samples| {
+    pub fn new(gpu: &Gpu, pipelines: &Pipelines, width: usize, height: usize) -> Self {
+        let texture = |format, usage| {
             gpu.device.create_texture(&TextureDescriptor {
                 label: Some("target"),
                 size: Extent3d { width: width as u32, height: height as u32, depth_or_array_layers: 1 },
                 mip_level_count: 1,
-                sample_count: samples,
+                sample_count: 1,
                 dimension: TextureDimension::D2,
                 format,
-                usage: TextureUsages::RENDER_ATTACHMENT
-                    | if samples == 1 { TextureUsages::COPY_SRC } else { TextureUsages::empty() },
+                usage: TextureUsages::RENDER_ATTACHMENT | usage,
                 view_formats: &[],
             })
         };
@@ -61,19 +65,31 @@ impl Targets {
             let row = (width * pixel).next_multiple_of(ROW_ALIGNMENT);
             let offset = end;
             end += row * height;
-            Copy { texture: texture(format, 1), offset, pixel, row }
+            let usage = TextureUsages::COPY_SRC | TextureUsages::TEXTURE_BINDING;
+            Copy { texture: texture(format, usage), offset, pixel, row }
         };
         let copies = [copy(DEPTH), copy(LABELS), copy(COS), copy(COLOR)];
+        let [depth, labels, cos, color] = [0, 1, 2, 3].map(|i: usize| view(&copies[i].texture));
+        let [edges, sample] =
+            [EDGES, COLOR].map(|format| view(&texture(format, TextureUsages::TEXTURE_BINDING)));
+        let group = |layout, views: &[&TextureView]| {
+            let resources: Vec<_> = views.iter().map(|view| BindingResource::TextureView(view)).collect();
+            bind(&gpu.device, layout, &resources)
+        };
         Self {
             width,
             height,
-            geometry_depth: view(&texture(DEPTH_BUFFER, 1)),
-            depth: view(&copies[0].texture),
-            labels: view(&copies[1].texture),
-            cos: view(&copies[2].texture),
-            color: view(&copies[3].texture),
-            multisampled: (samples > 1)
-                .then(|| [COLOR, DEPTH_BUFFER].map(|format| view(&texture(format, samples)))),
+            geometry_depth: view(&texture(DEPTH_BUFFER, TextureUsages::empty())),
+            seen_group: group(&pipelines.seen_group, &[&depth, &labels, &cos]),
+            edges_group: group(&pipelines.image_group, &[&edges]),
+            sample_group: group(&pipelines.image_group, &[&sample]),
+            sample_depth: view(&texture(DEPTH_BUFFER, TextureUsages::empty())),
+            depth,
+            labels,
+            cos,
+            color,
+            edges,
+            sample,
             readback: gpu.device.create_buffer(&BufferDescriptor {
                 label: Some("readback"),
                 size: end as u64,
