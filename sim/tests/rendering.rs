@@ -377,5 +377,5 @@ fn shaders_are_valid() {
         .unwrap_or_else(|e| panic!("{}: {e:?}", path.display()));
         count += 1;
     }
-    assert_eq!(count, 3);
+    assert_eq!(count, 4);
 }

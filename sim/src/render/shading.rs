@@ -1,4 +1,4 @@
-//! How surfaces take light: Lambert plus GGX, in photometric units. `scene.wgsl` holds the same formulas line by line;
+//! How surfaces take light: Lambert plus GGX, in photometric units. `light.wgsl` holds the same formulas line by line;
 //! the agreement test compares the two.
 //!
 //! A light of `I` candela gives `E = I cos / d^2` lux at distance `d`; a surface with reflectance `f` sends back a

@@ -1,9 +1,10 @@
 //! The renderer for graphics adapters (Vulkan, Metal, DX12), without a window.
 //!
-//! The passes of a frame: shadow maps of all lights; depth, labels and angle of incidence with exactly one sample at each
-//! pixel's centre; colour there; and where neighbours lie on different surfaces three more samples of the colour, so that
-//! edges are smooth at a tenth of the price of multisampling on software adapters. Everything is computed in the
-//! camera's frame, so that depth stays precise wherever in the world the robot stands.
+//! The passes of a frame: shadow maps of all lights; geometry (depth, labels, angle of incidence, colour, normal) with
+//! exactly one sample at each pixel's centre; light on every pixel; three more samples of the geometry, from which edges
+//! are smoothed. Light comes after geometry because a software adapter shades small triangles by blocks of sixteen
+//! pixels: this way each pixel is lit once. Everything is computed in the camera's frame, so that depth stays precise
+//! wherever in the world the robot stands.
 
 mod cache;
 mod device;
@@ -18,7 +19,7 @@ use nalgebra::Isometry3;
 use wgpu::{
     BindGroup, BindingResource, Buffer, BufferBinding, BufferDescriptor, BufferUsages, Color, CommandEncoder,
     IndexFormat, LoadOp, Operations, RenderPass, RenderPassColorAttachment, RenderPassDepthStencilAttachment,
-    RenderPassDescriptor, StoreOp, TextureView,
+    RenderPassDescriptor, RenderPipeline, StoreOp, TextureView,
 };
 
 use self::cache::Cache;
@@ -68,7 +69,7 @@ pub struct WgpuRenderer {
     targets: Option<Targets>,
 }
 
-/// Counterpart of `Light` in `scene.wgsl`.
+/// Counterpart of `Light` in `light.wgsl`.
 #[derive(Clone, Copy, Default, Pod, Zeroable)]
 #[repr(C)]
 struct LightUniform {
@@ -86,13 +87,22 @@ struct LightUniform {
     padding: [u32; 3],
 }
 
-/// Counterpart of `Frame` in `scene.wgsl`.
+/// Counterpart of `View` in `geometry.wgsl`.
+#[derive(Clone, Copy, Pod, Zeroable)]
+#[repr(C)]
+struct ViewUniform {
+    projection: [f32; 4],
+    near: f32,
+    padding: [u32; 3],
+}
+
+/// Counterpart of `Frame` in `light.wgsl`.
 #[derive(Clone, Copy, Pod, Zeroable)]
 #[repr(C)]
 struct Frame {
     intrinsics: [f32; 4],
     up: [f32; 3],
-    near: f32,
+    padding: f32,
     sky: [f32; 3],
     light_count: u32,
     ground: [f32; 3],
@@ -100,12 +110,14 @@ struct Frame {
     bounce_center: [f32; 3],
     bounce_lowest: f32,
     bounce_lux: [f32; 3],
-    padding: u32,
+    padding_2: f32,
+    background: [f32; 3],
+    padding_3: f32,
     lights: [LightUniform; MAX_LIGHTS],
     light_from_camera: [[[f32; 4]; 4]; MAX_SHADOW_VIEWS],
 }
 
-/// Counterpart of `Instance` in both shaders.
+/// Counterpart of `Instance` in `geometry.wgsl` and `shadow.wgsl`.
 #[derive(Clone, Copy, Pod, Zeroable)]
 #[repr(C)]
 struct InstanceUniform {
@@ -240,14 +252,18 @@ impl WgpuRenderer {
                 2.0 * (cy - dv + 0.5) / h - 1.0,
             ];
             let at = (i * UNIFORM_ALIGNMENT) as u64;
-            let bytes: [f32; 4] = projection.map(|v| v as f32);
-            self.gpu.queue.write_buffer(&self.projections, at, bytemuck::bytes_of(&bytes));
+            let view = ViewUniform {
+                projection: projection.map(|v| v as f32),
+                near: NEAR as f32,
+                padding: [0; 3],
+            };
+            self.gpu.queue.write_buffer(&self.projections, at, bytemuck::bytes_of(&view));
         }
         let bounce = lighting.bounce;
         let mut frame = Frame {
             intrinsics: [fx, fy, cx, cy].map(|v| v as f32),
             up: lighting.up.into(),
-            near: NEAR as f32,
+            padding: 0.0,
             sky: lighting.sky.into(),
             light_count: lighting.lights.len() as u32,
             ground: lighting.ground.into(),
@@ -255,7 +271,9 @@ impl WgpuRenderer {
             bounce_center: bounce.map_or([0.0; 3], |b| b.center.coords.into()),
             bounce_lowest: BOUNCE_LOWEST,
             bounce_lux: bounce.map_or([0.0; 3], |b| b.lux.into()),
-            padding: 0,
+            padding_2: 0.0,
+            background: lighting.background,
+            padding_3: 0.0,
             lights: Default::default(),
             light_from_camera: [[[0.0; 4]; 4]; MAX_SHADOW_VIEWS],
         };
@@ -298,7 +316,7 @@ impl WgpuRenderer {
     fn draw_shadows(&self, encoder: &mut CommandEncoder, drawn: &[&Instance], views: usize) {
         let group = bind(
             &self.gpu.device,
-            &self.pipelines.shadow_group,
+            &self.pipelines.view_group,
             &[slot::<[[f32; 4]; 4]>(&self.views), self.instances.as_entire_binding()],
         );
         for layer in 0..views {
@@ -306,7 +324,7 @@ impl WgpuRenderer {
                 label: Some("shadow"),
                 depth_stencil_attachment: Some(depth_buffer(
                     &self.shadow_maps.layers[layer],
-                    LoadOp::Clear(1.0),
+                    1.0,
                     StoreOp::Store,
                 )),
                 ..Default::default()
@@ -319,123 +337,54 @@ impl WgpuRenderer {
         }
     }
 
-    fn draw_camera(
-        &self,
-        encoder: &mut CommandEncoder,
-        drawn: &[&Instance],
-        background: [f32; 3],
-        targets: &Targets,
-    ) {
-        let frame = bind(
+    fn draw_camera(&self, encoder: &mut CommandEncoder, drawn: &[&Instance], targets: &Targets) {
+        let view = bind(
             &self.gpu.device,
-            &self.pipelines.frame_group,
-            &[
-                slot::<[f32; 4]>(&self.projections),
-                self.frame.as_entire_binding(),
-                self.instances.as_entire_binding(),
-            ],
+            &self.pipelines.view_group,
+            &[slot::<ViewUniform>(&self.projections), self.instances.as_entire_binding()],
         );
-        let light = bind(
-            &self.gpu.device,
-            &self.pipelines.light_group,
-            &[
-                BindingResource::TextureView(&self.shadow_maps.all),
-                BindingResource::TextureView(&targets.depth),
-            ],
-        );
+        let images = [&targets.depth, &targets.labels, &targets.cos, &targets.albedo, &targets.normal];
         let mut pass = encoder.begin_render_pass(&RenderPassDescriptor {
             label: Some("geometry"),
-            color_attachments: &[&targets.depth, &targets.labels, &targets.cos]
-                .map(|view| Some(target(view, LoadOp::Clear(Color::TRANSPARENT)))),
-            depth_stencil_attachment: Some(depth_buffer(
-                &targets.geometry_depth,
-                LoadOp::Clear(0.0),
-                StoreOp::Store,
-            )),
+            color_attachments: &images.map(|view| Some(target(view))),
+            depth_stencil_attachment: Some(depth_buffer(&targets.geometry_depth, 0.0, StoreOp::Discard)),
             ..Default::default()
         });
         pass.set_pipeline(&self.pipelines.geometry);
-        pass.set_bind_group(0, &frame, &[0]);
-        for (i, instance) in drawn.iter().enumerate() {
-            self.draw_mesh(&mut pass, i, instance);
-        }
-        drop(pass);
-
-        let [r, g, b] = background.map(f64::from);
-        let clear = LoadOp::Clear(Color { r, g, b, a: 1.0 });
-        let mut pass = encoder.begin_render_pass(&RenderPassDescriptor {
-            label: Some("color"),
-            color_attachments: &[Some(target(&targets.color, clear))],
-            depth_stencil_attachment: Some(depth_buffer(
-                &targets.geometry_depth,
-                LoadOp::Load,
-                StoreOp::Discard,
-            )),
-            ..Default::default()
-        });
-        pass.set_pipeline(&self.pipelines.color);
-        self.draw_colored(&mut pass, drawn, &frame, &light, 0);
-        drop(pass);
-        if !self.smooth_edges {
-            return;
-        }
-
-        let mut pass = encoder.begin_render_pass(&RenderPassDescriptor {
-            label: Some("find edges"),
-            color_attachments: &[Some(target(&targets.edges, LoadOp::Clear(Color::TRANSPARENT)))],
-            ..Default::default()
-        });
-        pass.set_pipeline(&self.pipelines.find);
-        pass.set_bind_group(0, &targets.seen_group, &[]);
-        pass.draw(0..3, 0..1);
-        drop(pass);
-        for (sample, mix) in (1..).zip(&self.pipelines.mix) {
-            let mut pass = encoder.begin_render_pass(&RenderPassDescriptor {
-                label: Some("sample"),
-                color_attachments: &[Some(target(&targets.sample, clear))],
-                depth_stencil_attachment: Some(depth_buffer(
-                    &targets.sample_depth,
-                    LoadOp::Clear(0.0),
-                    StoreOp::Discard,
-                )),
-                ..Default::default()
-            });
-            pass.set_pipeline(&self.pipelines.open);
-            pass.set_bind_group(1, &targets.edges_group, &[]);
-            pass.draw(0..3, 0..1);
-            pass.set_pipeline(&self.pipelines.sample);
-            self.draw_colored(&mut pass, drawn, &frame, &light, sample);
-            drop(pass);
-            let mut pass = encoder.begin_render_pass(&RenderPassDescriptor {
-                label: Some("mix"),
-                color_attachments: &[Some(target(&targets.color, LoadOp::Load))],
-                ..Default::default()
-            });
-            pass.set_pipeline(mix);
-            pass.set_bind_group(1, &targets.edges_group, &[]);
-            pass.set_bind_group(2, &targets.sample_group, &[]);
-            pass.draw(0..3, 0..1);
-        }
-    }
-
-    /// Draws all instances with their textures through sample `sample` of each pixel.
-    fn draw_colored(
-        &self,
-        pass: &mut RenderPass<'_>,
-        drawn: &[&Instance],
-        frame: &BindGroup,
-        light: &BindGroup,
-        sample: usize,
-    ) {
-        pass.set_bind_group(0, frame, &[(sample * UNIFORM_ALIGNMENT) as u32]);
-        pass.set_bind_group(2, light, &[]);
+        pass.set_bind_group(0, &view, &[0]);
         for (i, instance) in drawn.iter().enumerate() {
             let texture = (!instance.visual.mesh.uvs.is_empty())
                 .then_some(instance.visual.material.texture.as_ref())
                 .flatten();
             pass.set_bind_group(1, self.cache.texture(texture), &[]);
-            self.draw_mesh(pass, i, instance);
+            self.draw_mesh(&mut pass, i, instance);
         }
+        drop(pass);
+
+        let frame = bind(
+            &self.gpu.device,
+            &self.pipelines.frame_group,
+            &[self.frame.as_entire_binding(), BindingResource::TextureView(&self.shadow_maps.all)],
+        );
+        let lit = if self.smooth_edges { &targets.color } else { &targets.smooth };
+        whole_picture(encoder, &self.pipelines.light, lit, &[&frame, &targets.surface_group]);
+        if !self.smooth_edges {
+            return;
+        }
+        for (sample, (surface, depth)) in (1..).zip(&targets.samples) {
+            let mut pass = encoder.begin_render_pass(&RenderPassDescriptor {
+                label: Some("sample"),
+                color_attachments: &[Some(target(surface))],
+                depth_stencil_attachment: Some(depth_buffer(depth, 0.0, StoreOp::Store)),
+                ..Default::default()
+            });
+            pass.set_pipeline(&self.pipelines.sample);
+            pass.set_bind_group(0, &view, &[sample * UNIFORM_ALIGNMENT as u32]);
+            for (i, instance) in drawn.iter().enumerate() {
+                self.draw_mesh(&mut pass, i, instance);
+            }
+        }
+        whole_picture(encoder, &self.pipelines.smooth, &targets.smooth, &[&targets.smooth_group]);
     }
 
     fn draw_mesh(&self, pass: &mut RenderPass<'_>, index: usize, instance: &Instance) {
@@ -487,7 +436,7 @@ impl Renderer for WgpuRenderer {
 
         let mut encoder = self.gpu.device.create_command_encoder(&Default::default());
         self.draw_shadows(&mut encoder, &drawn, views);
-        self.draw_camera(&mut encoder, &drawn, lighting.background, &targets);
+        self.draw_camera(&mut encoder, &drawn, &targets);
         targets.copy_back(&mut encoder);
         self.gpu.queue.submit([encoder.finish()]);
 
@@ -519,21 +468,39 @@ impl Renderer for WgpuRenderer {
     }
 }
 
-fn depth_buffer(
-    view: &TextureView,
-    load: LoadOp<f32>,
-    store: StoreOp,
-) -> RenderPassDepthStencilAttachment<'_> {
-    RenderPassDepthStencilAttachment { view, depth_ops: Some(Operations { load, store }), stencil_ops: None }
+/// A depth buffer that begins at `clear`.
+fn depth_buffer(view: &TextureView, clear: f32, store: StoreOp) -> RenderPassDepthStencilAttachment<'_> {
+    let depth_ops = Some(Operations { load: LoadOp::Clear(clear), store });
+    RenderPassDepthStencilAttachment { view, depth_ops, stencil_ops: None }
 }
 
-fn target(view: &TextureView, load: LoadOp<Color>) -> RenderPassColorAttachment<'_> {
+/// A target that begins at 0.
+fn target(view: &TextureView) -> RenderPassColorAttachment<'_> {
     RenderPassColorAttachment {
         view,
         depth_slice: None,
         resolve_target: None,
-        ops: Operations { load, store: StoreOp::Store },
+        ops: Operations { load: LoadOp::Clear(Color::TRANSPARENT), store: StoreOp::Store },
     }
+}
+
+/// Runs a fragment shader on every pixel of `view`.
+fn whole_picture(
+    encoder: &mut CommandEncoder,
+    pipeline: &RenderPipeline,
+    view: &TextureView,
+    groups: &[&BindGroup],
+) {
+    let mut pass = encoder.begin_render_pass(&RenderPassDescriptor {
+        label: Some("whole picture"),
+        color_attachments: &[Some(target(view))],
+        ..Default::default()
+    });
+    pass.set_pipeline(pipeline);
+    for (i, group) in (0..).zip(groups) {
+        pass.set_bind_group(i, *group, &[]);
+    }
+    pass.draw(0..3, 0..1);
 }
 
 /// One `T` of a uniform buffer, at a dynamic offset.

@@ -22,7 +22,7 @@ use crate::render::check::check_mesh;
 use crate::render::pyramid::{MAX_ANISOTROPY, Pyramid};
 use crate::render::srgb::LINEAR_OF_8BIT;
 
-/// A vertex as `scene.wgsl` reads it.
+/// A vertex as `geometry.wgsl` reads it.
 #[derive(Clone, Copy, Pod, Zeroable)]
 #[repr(C)]
 pub(super) struct Vertex {

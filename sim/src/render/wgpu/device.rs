@@ -47,7 +47,9 @@ impl Gpu {
     }
 
     fn open_adapter(adapter: &Adapter) -> std::result::Result<Self, String> {
-        let limits = Limits::downlevel_defaults().using_resolution(adapter.limits());
+        // Little is asked for, so that old devices will do: one more image than the least is drawn at a time.
+        let limits = Limits { max_color_attachments: 5, ..Limits::downlevel_defaults() }
+            .using_resolution(adapter.limits());
         let (device, queue) = pollster::block_on(adapter.request_device(&DeviceDescriptor {
             label: Some("grip"),
             required_features: Features::empty(),

@@ -1,9 +1,9 @@
-//! The pipelines (shadow, geometry, colour, smooth edges) and the layouts of what they read; made once.
+//! The pipelines (shadow, geometry, light, smooth edges) and the layouts of what they read; made once.
 
 use wgpu::{
     BindGroup, BindGroupDescriptor, BindGroupEntry, BindGroupLayout, BindGroupLayoutDescriptor,
-    BindGroupLayoutEntry, BindingResource, BindingType, BlendState,
-    BufferBindingType, ColorTargetState, ColorWrites, CompareFunction, DepthStencilState, Device, FragmentState, MultisampleState,
+    BindGroupLayoutEntry, BindingResource, BindingType,
+    BufferBindingType, ColorTargetState, CompareFunction, DepthStencilState, Device, FragmentState, MultisampleState,
     PipelineLayoutDescriptor, PrimitiveState, RenderPipeline, RenderPipelineDescriptor, SamplerBindingType,
     ShaderModule, ShaderModuleDescriptor, ShaderSource, ShaderStages, TextureFormat, TextureSampleType,
     TextureViewDimension, VertexBufferLayout, VertexState, VertexStepMode, vertex_attr_array,
@@ -22,41 +22,38 @@ pub(super) const COLOR: TextureFormat = TextureFormat::Rgba16Float;
 /// Depth buffers.
 pub(super) const DEPTH_BUFFER: TextureFormat = TextureFormat::Depth32Float;
 
-/// Which pixels are edges: 0 or 1.
-pub(super) const EDGES: TextureFormat = TextureFormat::R8Unorm;
+/// Linear colour and roughness.
+pub(super) const ALBEDO: TextureFormat = TextureFormat::Rgba8UnormSrgb;
+/// Normal, each component from 0 to 1, and metallic: 0, 1/3, 2/3 or 1.
+pub(super) const NORMAL: TextureFormat = TextureFormat::Rgb10a2Unorm;
+/// Instance and normal of one more sample of a pixel.
+pub(super) const SAMPLE: TextureFormat = TextureFormat::R32Uint;
 
 pub(super) struct Pipelines {
     pub shadow: RenderPipeline,
     pub geometry: RenderPipeline,
-    /// Shades what the geometry pass has found nearest.
-    pub color: RenderPipeline,
-    /// Shades what lies nearest in its own depth buffer.
+    /// Draws one more sample of each pixel.
     pub sample: RenderPipeline,
-    /// Finds edges.
-    pub find: RenderPipeline,
-    /// Closes the depth buffer off edges.
-    pub open: RenderPipeline,
-    /// Mix the second, third and fourth sample into the picture.
-    pub mix: [RenderPipeline; 3],
-    /// The light's view and the instances.
-    pub shadow_group: BindGroupLayout,
-    /// View, frame, instances.
-    pub frame_group: BindGroupLayout,
+    pub light: RenderPipeline,
+    pub smooth: RenderPipeline,
+    /// View and instances.
+    pub view_group: BindGroupLayout,
     /// A texture and its sampler.
     pub texture_group: BindGroupLayout,
-    /// Shadow maps and the depth image.
-    pub light_group: BindGroupLayout,
-    /// Depth, labels, angle of incidence.
-    pub seen_group: BindGroupLayout,
-    /// One image that is read pixel by pixel.
-    pub image_group: BindGroupLayout,
+    /// Frame and shadow maps.
+    pub frame_group: BindGroupLayout,
+    /// Depth, albedo, normal.
+    pub surface_group: BindGroupLayout,
+    /// Depth, labels, normal, colour, samples and their depth buffers.
+    pub smooth_group: BindGroupLayout,
 }
 
 impl Pipelines {
     pub fn new(device: &Device) -> Self {
-        let scene = shader(device, "scene", include_str!("scene.wgsl"));
         let shadow = shader(device, "shadow", include_str!("shadow.wgsl"));
-        let edges = shader(device, "edges", include_str!("edges.wgsl"));
+        let geometry = shader(device, "geometry", include_str!("geometry.wgsl"));
+        let light = shader(device, "light", include_str!("light.wgsl"));
+        let smooth = shader(device, "smooth", include_str!("smooth.wgsl"));
 
         let uniform = |has_dynamic_offset| BindingType::Buffer {
             ty: BufferBindingType::Uniform,
@@ -70,12 +67,9 @@ impl Pipelines {
         };
         let image = |sample_type| texture(sample_type, TextureViewDimension::D2);
         let floats = image(TextureSampleType::Float { filterable: false });
+        let array = |sample_type| texture(sample_type, TextureViewDimension::D2Array);
         let (vertex, fragment) = (ShaderStages::VERTEX, ShaderStages::FRAGMENT);
-        let shadow_group = layout(device, &[(vertex, uniform(true)), (vertex, instances)]);
-        let frame_group = layout(
-            device,
-            &[(vertex, uniform(true)), (ShaderStages::VERTEX_FRAGMENT, uniform(false)), (vertex, instances)],
-        );
+        let view_group = layout(device, &[(vertex, uniform(true)), (vertex, instances)]);
         let texture_group = layout(
             device,
             &[
@@ -83,18 +77,20 @@ impl Pipelines {
                 (fragment, BindingType::Sampler(SamplerBindingType::Filtering)),
             ],
         );
-        let light_group = layout(
+        let frame_group =
+            layout(device, &[(fragment, uniform(false)), (fragment, array(TextureSampleType::Depth))]);
+        let surface_group = layout(device, &[(fragment, floats); 3]);
+        let smooth_group = layout(
             device,
             &[
-                (fragment, texture(TextureSampleType::Depth, TextureViewDimension::D2Array)),
                 (fragment, floats),
+                (fragment, image(TextureSampleType::Uint)),
+                (fragment, floats),
+                (fragment, floats),
+                (fragment, array(TextureSampleType::Uint)),
+                (fragment, array(TextureSampleType::Depth)),
             ],
         );
-        let seen_group = layout(
-            device,
-            &[(fragment, floats), (fragment, image(TextureSampleType::Uint)), (fragment, floats)],
-        );
-        let image_group = layout(device, &[(fragment, floats)]);
 
         let pipeline = |stage: &Stage<'_>| {
             let layout = device.create_pipeline_layout(&PipelineLayoutDescriptor {
@@ -142,29 +138,23 @@ impl Pipelines {
         let writes = |format: TextureFormat| Some(ColorTargetState::from(format));
         // The camera's depth buffer is reversed (1 near, 0 at infinity): even precision at all distances.
         let nearer = Some((CompareFunction::Greater, true));
-        let colored = Stage {
-            label: "color",
-            module: &scene,
+        let drawn = Stage {
+            label: "geometry",
+            module: &geometry,
             vertex: "vs_main",
-            fragment: Some("fs_color"),
-            groups: &[Some(&frame_group), Some(&texture_group), Some(&light_group)],
-            targets: &[writes(COLOR)],
-            depth: Some((CompareFunction::Equal, false)),
+            fragment: Some("fs_geometry"),
+            groups: &[Some(&view_group), Some(&texture_group)],
+            targets: &[DEPTH, LABELS, COS, ALBEDO, NORMAL].map(writes),
+            depth: nearer,
         };
-        let mix = |fragment| {
-            pipeline(&Stage {
-                label: "mix",
-                module: &edges,
-                vertex: WHOLE,
-                fragment: Some(fragment),
-                groups: &[None, Some(&image_group), Some(&image_group)],
-                targets: &[Some(ColorTargetState {
-                    format: COLOR,
-                    blend: Some(BlendState::ALPHA_BLENDING),
-                    write_mask: ColorWrites::COLOR,
-                })],
-                depth: None,
-            })
+        let whole = Stage {
+            label: "light",
+            module: &light,
+            vertex: WHOLE,
+            fragment: Some("fs_light"),
+            groups: &[Some(&frame_group), Some(&surface_group)],
+            targets: &[writes(COLOR)],
+            depth: None,
         };
         Self {
             shadow: pipeline(&Stage {
@@ -172,50 +162,31 @@ impl Pipelines {
                 module: &shadow,
                 vertex: "vs_shadow",
                 fragment: None,
-                groups: &[Some(&shadow_group)],
+                groups: &[Some(&view_group)],
                 targets: &[],
                 depth: Some((CompareFunction::Less, true)),
             }),
-            geometry: pipeline(&Stage {
-                label: "geometry",
-                module: &scene,
-                vertex: "vs_main",
-                fragment: Some("fs_geometry"),
-                groups: &[Some(&frame_group)],
-                targets: &[writes(DEPTH), writes(LABELS), writes(COS)],
-                depth: nearer,
+            geometry: pipeline(&drawn),
+            sample: pipeline(&Stage {
+                label: "sample",
+                fragment: Some("fs_sample"),
+                groups: &[Some(&view_group)],
+                targets: &[writes(SAMPLE)],
+                ..drawn
             }),
-            color: pipeline(&colored),
-            sample: pipeline(&Stage { label: "sample", depth: nearer, ..colored }),
-            find: pipeline(&Stage {
-                label: "find edges",
-                module: &edges,
-                vertex: WHOLE,
-                fragment: Some("fs_find"),
-                groups: &[Some(&seen_group)],
-                targets: &[writes(EDGES)],
-                depth: None,
+            light: pipeline(&whole),
+            smooth: pipeline(&Stage {
+                label: "smooth",
+                module: &smooth,
+                fragment: Some("fs_smooth"),
+                groups: &[Some(&smooth_group)],
+                ..whole
             }),
-            open: pipeline(&Stage {
-                label: "open edges",
-                module: &edges,
-                vertex: WHOLE,
-                fragment: Some("fs_open"),
-                groups: &[None, Some(&image_group)],
-                targets: &[Some(ColorTargetState {
-                    format: COLOR,
-                    blend: None,
-                    write_mask: ColorWrites::empty(),
-                })],
-                depth: Some((CompareFunction::Always, true)),
-            }),
-            mix: [mix("fs_second"), mix("fs_third"), mix("fs_fourth")],
-            shadow_group,
-            frame_group,
+            view_group,
             texture_group,
-            light_group,
-            seen_group,
-            image_group,
+            frame_group,
+            surface_group,
+            smooth_group,
         }
     }
 }

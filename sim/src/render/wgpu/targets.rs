@@ -7,7 +7,7 @@ use wgpu::{
 };
 
 use super::device::Gpu;
-use super::pipelines::{COLOR, COS, DEPTH, DEPTH_BUFFER, EDGES, LABELS, Pipelines, bind};
+use super::pipelines::{ALBEDO, COLOR, COS, DEPTH, DEPTH_BUFFER, LABELS, NORMAL, Pipelines, SAMPLE, bind};
 use super::failed;
 use crate::error::Result;
 
@@ -22,15 +22,15 @@ pub(super) struct Targets {
     pub depth: TextureView,
     pub labels: TextureView,
     pub cos: TextureView,
+    pub albedo: TextureView,
+    pub normal: TextureView,
+    /// Luminance before edges are smoothed, and after.
     pub color: TextureView,
-    /// Which pixels are edges; a further sample of each pixel and its depth buffer.
-    pub edges: TextureView,
-    pub sample: TextureView,
-    pub sample_depth: TextureView,
-    /// [`Pipelines::seen_group`] of depth, labels and cos; [`Pipelines::image_group`]s of edges and sample.
-    pub seen_group: BindGroup,
-    pub edges_group: BindGroup,
-    pub sample_group: BindGroup,
+    pub smooth: TextureView,
+    /// Three more samples of each pixel and their depth buffers.
+    pub samples: [(TextureView, TextureView); 3],
+    pub surface_group: BindGroup,
+    pub smooth_group: BindGroup,
     readback: Buffer,
     /// In the buffer's order.
     copies: [Copy; 4],
@@ -46,10 +46,10 @@ struct Copy {
 
 impl Targets {
     pub fn new(gpu: &Gpu, pipelines: &Pipelines, width: usize, height: usize) -> Self {
-        let texture = |format, usage| {
+        let texture = |format, layers, usage| {
             gpu.device.create_texture(&TextureDescriptor {
                 label: Some("target"),
-                size: Extent3d { width: width as u32, height: height as u32, depth_or_array_layers: 1 },
+                size: Extent3d { width: width as u32, height: height as u32, depth_or_array_layers: layers },
                 mip_level_count: 1,
                 sample_count: 1,
                 dimension: TextureDimension::D2,
@@ -58,6 +58,7 @@ impl Targets {
                 view_formats: &[],
             })
         };
+        let bound = TextureUsages::TEXTURE_BINDING;
         let view = |texture: &Texture| texture.create_view(&TextureViewDescriptor::default());
         let mut end = 0;
         let mut copy = |format: TextureFormat| {
@@ -65,13 +66,20 @@ impl Targets {
             let row = (width * pixel).next_multiple_of(ROW_ALIGNMENT);
             let offset = end;
             end += row * height;
-            let usage = TextureUsages::COPY_SRC | TextureUsages::TEXTURE_BINDING;
-            Copy { texture: texture(format, usage), offset, pixel, row }
+            Copy { texture: texture(format, 1, TextureUsages::COPY_SRC | bound), offset, pixel, row }
         };
         let copies = [copy(DEPTH), copy(LABELS), copy(COS), copy(COLOR)];
-        let [depth, labels, cos, color] = [0, 1, 2, 3].map(|i: usize| view(&copies[i].texture));
-        let [edges, sample] =
-            [EDGES, COLOR].map(|format| view(&texture(format, TextureUsages::TEXTURE_BINDING)));
+        let [depth, labels, cos, smooth] = [0, 1, 2, 3].map(|i: usize| view(&copies[i].texture));
+        let [albedo, normal, color] = [ALBEDO, NORMAL, COLOR].map(|format| view(&texture(format, 1, bound)));
+        let [sample, sample_depth] = [SAMPLE, DEPTH_BUFFER].map(|format| texture(format, 3, bound));
+        let layer = |texture: &Texture, base_array_layer| {
+            texture.create_view(&TextureViewDescriptor {
+                dimension: Some(TextureViewDimension::D2),
+                base_array_layer,
+                array_layer_count: Some(1),
+                ..Default::default()
+            })
+        };
         let group = |layout, views: &[&TextureView]| {
             let resources: Vec<_> = views.iter().map(|view| BindingResource::TextureView(view)).collect();
             bind(&gpu.device, layout, &resources)
@@ -79,17 +87,20 @@ impl Targets {
         Self {
             width,
             height,
-            geometry_depth: view(&texture(DEPTH_BUFFER, TextureUsages::empty())),
-            seen_group: group(&pipelines.seen_group, &[&depth, &labels, &cos]),
-            edges_group: group(&pipelines.image_group, &[&edges]),
-            sample_group: group(&pipelines.image_group, &[&sample]),
-            sample_depth: view(&texture(DEPTH_BUFFER, TextureUsages::empty())),
+            geometry_depth: view(&texture(DEPTH_BUFFER, 1, TextureUsages::empty())),
+            surface_group: group(&pipelines.surface_group, &[&depth, &albedo, &normal]),
+            smooth_group: group(
+                &pipelines.smooth_group,
+                &[&depth, &labels, &normal, &color, &view(&sample), &view(&sample_depth)],
+            ),
+            samples: [0, 1, 2].map(|i| (layer(&sample, i), layer(&sample_depth, i))),
             depth,
             labels,
             cos,
+            albedo,
+            normal,
             color,
-            edges,
-            sample,
+            smooth,
             readback: gpu.device.create_buffer(&BufferDescriptor {
                 label: Some("readback"),
                 size: end as u64,

@@ -1,6 +1,6 @@
-// Draws posed meshes, once for geometry (depth, label, angle of incidence) and once for colour (luminance).
+// Shades the images of geometry.wgsl: luminance of every pixel, each lit once however small its triangle.
 // Everything is in the camera's optical frame: x right, y down, z forward, metres.
-// The shading formulas are those of shading.rs and occlusion.rs, line by line.
+// The formulas are those of shading.rs and occlusion.rs, line by line.
 
 const PI = 3.14159265358979;
 // Largest finite value of the half-float colour target, with room for sums.
@@ -27,16 +27,11 @@ struct Light {
     inverse_far: f32,
 }
 
-struct View {
-    // clip = (x a + z c, -(y b + z d), near, z)
-    projection: vec4f,
-}
-
 struct Frame {
     // fx, fy, cx, cy of the pixels.
     intrinsics: vec4f,
     up: vec3f,
-    near: f32,
+    padding: f32,
     // Lux a channel on a surface that faces up, and on one that faces down.
     sky: vec3f,
     light_count: u32,
@@ -45,99 +40,23 @@ struct Frame {
     bounce_center: vec3f,
     bounce_lowest: f32,
     bounce_lux: vec3f,
+    // Where nothing is hit.
+    background: vec3f,
     lights: array<Light, 4>,
     // Rigid transforms to the frames of the shadow maps' views, z along the view.
     light_from_camera: array<mat4x4f, 24>,
 }
 
-struct Instance {
-    camera_from_mesh: mat4x4f,
-    base_color: vec3f,
-    label: u32,
-    roughness: f32,
-    metallic: f32,
-}
-
-@group(0) @binding(0) var<uniform> view: View;
-@group(0) @binding(1) var<uniform> frame: Frame;
-@group(0) @binding(2) var<storage, read> instances: array<Instance>;
-@group(1) @binding(0) var base_texture: texture_2d<f32>;
-@group(1) @binding(1) var base_sampler: sampler;
-@group(2) @binding(0) var shadow_maps: texture_depth_2d_array;
-@group(2) @binding(1) var seen_depth: texture_2d<f32>;
-
-struct Varying {
-    // Invariant: the colour pass tests against the depths that the geometry pass has left.
-    @invariant @builtin(position) clip: vec4f,
-    @location(0) point: vec3f,
-    @location(1) normal: vec3f,
-    @location(2) uv: vec2f,
-    @location(3) color: vec3f,
-    // Roughness and metallic.
-    @location(4) finish: vec2f,
-    @location(5) @interpolate(flat) label: u32,
-}
+@group(0) @binding(0) var<uniform> frame: Frame;
+@group(0) @binding(1) var shadow_maps: texture_depth_2d_array;
+@group(1) @binding(0) var seen_depth: texture_2d<f32>;
+@group(1) @binding(1) var seen_albedo: texture_2d<f32>;
+@group(1) @binding(2) var seen_normal: texture_2d<f32>;
 
 @vertex
-fn vs_main(
-    @builtin(instance_index) index: u32,
-    @location(0) position: vec3f,
-    @location(1) normal: vec3f,
-    @location(2) uv: vec2f,
-    @location(3) color: vec4f,
-    // Scales the material's roughness and metallic; see Mesh::finish.
-    @location(4) finish: vec2f,
-) -> Varying {
-    let camera_from_mesh = instances[index].camera_from_mesh;
-    let point = (camera_from_mesh * vec4f(position, 1.0)).xyz;
-    let p = view.projection;
-    var out: Varying;
-    out.clip = vec4f(
-        point.x * p.x + point.z * p.z,
-        -(point.y * p.y + point.z * p.w),
-        frame.near,
-        point.z,
-    );
-    out.point = point;
-    out.normal = (camera_from_mesh * vec4f(normal, 0.0)).xyz;
-    out.uv = uv;
-    out.color = color.rgb * instances[index].base_color;
-    out.finish = select(finish, vec2f(instances[index].roughness, instances[index].metallic), color.a > 0.5);
-    // The instance's number in the upper half tells edges between things of one label.
-    out.label = instances[index].label | ((index + 1u) << 16u);
-    return out;
-}
-
-// The unit normal of the triangle on the side that is seen.
-fn face_normal(point: vec3f) -> vec3f {
-    let across = cross(dpdx(point), dpdy(point));
-    let face = select(across, -across, dot(across, point) > 0.0);
-    return face / max(length(face), 1e-30);
-}
-
-// The smooth unit normal on the side that is seen, whichever way the triangle's corners go round.
-fn seen_normal(in: Varying, face: vec3f) -> vec3f {
-    let length = length(in.normal);
-    if length < 1e-6 {
-        return face;
-    }
-    return select(in.normal, -in.normal, dot(in.normal, face) < 0.0) / length;
-}
-
-struct Geometry {
-    @location(0) depth: f32,
-    @location(1) label: u32,
-    @location(2) cos_incidence: f32,
-}
-
-@fragment
-fn fs_geometry(in: Varying) -> Geometry {
-    var out: Geometry;
-    out.depth = in.point.z;
-    out.label = in.label;
-    let normal = seen_normal(in, face_normal(in.point));
-    out.cos_incidence = min(abs(dot(normal, normalize(in.point))), 1.0);
-    return out;
+fn vs_whole(@builtin(vertex_index) index: u32) -> @builtin(position) vec4f {
+    // One triangle that covers the picture.
+    return vec4f(f32(index & 1u) * 4.0 - 1.0, f32(index >> 1u) * 4.0 - 1.0, 0.5, 1.0);
 }
 
 // Interleaved gradient noise (Jimenez 2014): an angle a pixel.
@@ -232,8 +151,8 @@ const SHADOW_TAPS = 12;
 const NEAREST_BLOCKER = 0.7;
 
 // Share of an area light that arrives (percentage-closer soft shadows, Fernando 2005). Every comparison is against the
-// plane of the triangle where the tap's texel sees it, so that no surface shadows itself however wide the kernel.
-fn lit(light: Light, spiral: vec2f, point: vec3f, face: vec3f) -> f32 {
+// plane of the surface where the tap's texel sees it, so that no surface shadows itself however wide the kernel.
+fn lit(light: Light, spiral: vec2f, point: vec3f, normal: vec3f) -> f32 {
     if light.first_layer < 0 {
         return 1.0;
     }
@@ -244,11 +163,11 @@ fn lit(light: Light, spiral: vec2f, point: vec3f, face: vec3f) -> f32 {
         layer += cube_face(point - light.position);
         let m = frame.light_from_camera[layer];
         p = (m * vec4f(point, 1.0)).xyz;
-        n = (m * vec4f(face, 0.0)).xyz;
+        n = (m * vec4f(normal, 0.0)).xyz;
     } else {
         let m = frame.light_from_camera[light.first_layer];
         p = (m * vec4f(point, 1.0)).xyz;
-        n = (m * vec4f(face, 0.0)).xyz;
+        n = (m * vec4f(normal, 0.0)).xyz;
     }
     let size = f32(textureDimensions(shadow_maps).x);
     // Pixels of the map a unit of x/z.
@@ -304,30 +223,37 @@ fn lit(light: Light, spiral: vec2f, point: vec3f, face: vec3f) -> f32 {
 }
 
 @fragment
-fn fs_color(in: Varying) -> @location(0) vec4f {
-    let texel = textureSample(base_texture, base_sampler, in.uv).rgb;
-    let albedo = in.color * texel;
-    let roughness = in.finish.x;
-    let metallic = in.finish.y;
-    let face = face_normal(in.point);
-    let normal = seen_normal(in, face);
-    let seen = -normalize(in.point);
+fn fs_light(@builtin(position) clip: vec4f) -> @location(0) vec4f {
+    let pixel = floor(clip.xy);
+    let at = vec2i(pixel);
+    let depth = textureLoad(seen_depth, at, 0).x;
+    if depth <= 0.0 {
+        return vec4f(frame.background, 1.0);
+    }
+    let k = frame.intrinsics;
+    let point = vec3f((pixel - k.zw) / k.xy * depth, depth);
+    let surface = textureLoad(seen_albedo, at, 0);
+    let albedo = surface.rgb;
+    let roughness = surface.a;
+    let turned = textureLoad(seen_normal, at, 0);
+    let normal = normalize(2.0 * turned.xyz - 1.0);
+    let metallic = turned.a;
+    let seen = -normalize(point);
     let n_v = max(dot(normal, seen), 1e-3);
     let specular = mix(vec3f(0.04), albedo, metallic);
     let diffuse = albedo * ((1.0 - metallic) / PI);
-    let pixel = floor(in.clip.xy);
     let angle = rotation(pixel);
     let spiral = vec2f(cos(angle), sin(angle));
 
     let mirror = normal * (2.0 * dot(normal, seen)) - seen;
-    let below = below_of(in.point);
+    let below = below_of(point);
     var radiance = (diffuse * ambient_on(below, normal)
         + ambient_gloss(specular, roughness, n_v) * ambient_on(below, mirror) / PI)
-        * open_share(pixel, spiral, in.point, normal);
+        * open_share(pixel, spiral, point, normal);
 
     for (var i = 0u; i < frame.light_count; i++) {
         let light = frame.lights[i];
-        let difference = light.position - in.point;
+        let difference = light.position - point;
         let squared = max(dot(difference, difference), 1e-4);
         let distance = sqrt(squared);
         let to_light = difference / distance;
@@ -341,7 +267,7 @@ fn fs_color(in: Varying) -> @location(0) vec4f {
         if beam <= 0.0 || n_l <= 0.0 {
             continue;
         }
-        let share = lit(light, spiral, in.point, face);
+        let share = lit(light, spiral, point, normal);
         let illuminance = light.intensity * (beam / squared);
         let halfway = normalize(to_light + seen);
         let fresnel = schlick(specular, max(dot(seen, halfway), 0.0));
