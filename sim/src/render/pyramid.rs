@@ -8,8 +8,9 @@ use super::srgb::{LINEAR_OF_8BIT, encode_8bit};
 /// a 4096-pixel scan only costs memory.
 const MAX_SIDE: u32 = 2048;
 
-/// Samples along the longer side of a pixel's footprint, as the hardware sampler is set to.
-pub(super) const MAX_ANISOTROPY: u16 = 4;
+/// Samples along the longer side of a pixel's footprint, as the hardware sampler is set to. One is trilinear filtering: a
+/// table seen from above is sharp enough with it, and four would double a software adapter's time for geometry.
+pub(super) const MAX_ANISOTROPY: u16 = 1;
 
 /// One mip level: sRGB, row-major.
 pub(super) struct Level {

@@ -123,10 +123,9 @@ struct Frame {
 struct InstanceUniform {
     camera_from_mesh: [[f32; 4]; 4],
     base_color: [f32; 3],
-    label: u32,
     roughness: f32,
     metallic: f32,
-    padding: [u32; 2],
+    padding: [u32; 3],
 }
 
 impl WgpuRenderer {
@@ -198,10 +197,9 @@ impl WgpuRenderer {
             uniforms.push(InstanceUniform {
                 camera_from_mesh: camera_from_mesh.to_homogeneous().cast().into(),
                 base_color: color_to_linear(material.base_color),
-                label: u32::from(instance.label),
                 roughness: material.roughness.clamp(MIN_ROUGHNESS, 1.0),
                 metallic: material.metallic.clamp(0.0, 1.0),
-                padding: [0; 2],
+                padding: [0; 3],
             });
         }
         let bytes: &[u8] = bytemuck::cast_slice(&uniforms);
@@ -343,7 +341,7 @@ impl WgpuRenderer {
             &self.pipelines.view_group,
             &[slot::<ViewUniform>(&self.projections), self.instances.as_entire_binding()],
         );
-        let images = [&targets.depth, &targets.labels, &targets.cos, &targets.albedo, &targets.normal];
+        let images = [&targets.depth, &targets.surface, &targets.cos, &targets.albedo, &targets.normal];
         let mut pass = encoder.begin_render_pass(&RenderPassDescriptor {
             label: Some("geometry"),
             color_attachments: &images.map(|view| Some(target(view))),
@@ -445,9 +443,13 @@ impl Renderer for WgpuRenderer {
         let mut label_data = Vec::with_capacity(pixels);
         let mut cosines = Vec::with_capacity(pixels);
         let mut luminances = Vec::with_capacity(pixels);
-        targets.read_rows(&self.gpu, |[depth, labels, cos, color]| {
+        // Instances count from 1; 0 is where nothing is hit.
+        let labels: Vec<u16> = std::iter::once(0).chain(drawn.iter().map(|i| i.label)).collect();
+        targets.read_rows(&self.gpu, |[depth, surface, cos, color]| {
             depths.extend(depth.as_chunks().0.iter().map(|b| f32::from_le_bytes(*b)));
-            label_data.extend(labels.as_chunks().0.iter().map(|b| (u32::from_le_bytes(*b) & 0xffff) as u16));
+            label_data.extend(
+                surface.as_chunks().0.iter().map(|b| labels[(u32::from_le_bytes(*b) >> 16) as usize]),
+            );
             cosines.extend(cos.as_chunks().0.iter().map(|b| f32::from_le_bytes(*b)));
             luminances.extend(
                 color

@@ -1,4 +1,4 @@
-// Draws posed meshes into the images that light.wgsl shades: depth, label, angle of incidence, colour and normal.
+// Draws posed meshes into the images that light.wgsl shades: depth, instance, angle of incidence, colour and normal.
 // Everything is in the camera's optical frame: x right, y down, z forward, metres.
 
 struct View {
@@ -10,7 +10,6 @@ struct View {
 struct Instance {
     camera_from_mesh: mat4x4f,
     base_color: vec3f,
-    label: u32,
     roughness: f32,
     metallic: f32,
 }
@@ -28,7 +27,7 @@ struct Varying {
     @location(3) color: vec3f,
     // Roughness and metallic.
     @location(4) finish: vec2f,
-    @location(5) @interpolate(flat) label: u32,
+    @location(5) @interpolate(flat) instance: u32,
 }
 
 @vertex
@@ -56,8 +55,7 @@ fn vs_main(
     out.uv = uv;
     out.color = color.rgb * instances[index].base_color;
     out.finish = select(finish, vec2f(instances[index].roughness, instances[index].metallic), color.a > 0.5);
-    // The instance's number in the upper half tells edges between things of one label.
-    out.label = instances[index].label | ((index + 1u) << 16u);
+    out.instance = index + 1u;
     return out;
 }
 
@@ -77,9 +75,15 @@ fn seen_normal(in: Varying, face: vec3f) -> vec3f {
     return select(in.normal, -in.normal, dot(in.normal, face) < 0.0) / length;
 }
 
+fn surface_of(instance: u32, normal: vec3f) -> u32 {
+    let xy = vec2u(round(127.5 + 127.5 * normal.xy));
+    return (instance << 16u) | (xy.x << 8u) | xy.y;
+}
+
 struct Geometry {
     @location(0) depth: f32,
-    @location(1) label: u32,
+    // Instance from 1 on in the upper half, normal (x, y) in the lower.
+    @location(1) surface: u32,
     @location(2) cos_incidence: f32,
     // Linear colour (stored as sRGB), roughness.
     @location(3) albedo: vec4f,
@@ -93,17 +97,15 @@ fn fs_geometry(in: Varying) -> Geometry {
     let normal = seen_normal(in, face_normal(in.point));
     var out: Geometry;
     out.depth = in.point.z;
-    out.label = in.label;
+    out.surface = surface_of(in.instance, normal);
     out.cos_incidence = min(abs(dot(normal, normalize(in.point))), 1.0);
     out.albedo = vec4f(in.color * texel, in.finish.x);
     out.normal = vec4f(0.5 + 0.5 * normal, in.finish.y);
     return out;
 }
 
-// One more sample of a pixel: instance in the upper half, normal (x, y) in the lower.
+// One more sample of a pixel.
 @fragment
 fn fs_sample(in: Varying) -> @location(0) u32 {
-    let normal = seen_normal(in, face_normal(in.point));
-    let xy = vec2u(round(127.5 + 127.5 * normal.xy));
-    return (in.label & 0xffff0000u) | (xy.x << 8u) | xy.y;
+    return surface_of(in.instance, seen_normal(in, face_normal(in.point)));
 }

@@ -13,8 +13,8 @@ use super::cache::Vertex;
 
 /// Metres along the optical axis.
 pub(super) const DEPTH: TextureFormat = TextureFormat::R32Float;
-/// Instance labels.
-pub(super) const LABELS: TextureFormat = TextureFormat::R32Uint;
+/// Instance and normal: what tells surfaces apart.
+pub(super) const SURFACE: TextureFormat = TextureFormat::R32Uint;
 /// Cosine of the angle of incidence.
 pub(super) const COS: TextureFormat = TextureFormat::R32Float;
 /// Luminance: half floats keep 11 bits, the finest that every adapter can blend.
@@ -26,8 +26,6 @@ pub(super) const DEPTH_BUFFER: TextureFormat = TextureFormat::Depth32Float;
 pub(super) const ALBEDO: TextureFormat = TextureFormat::Rgba8UnormSrgb;
 /// Normal, each component from 0 to 1, and metallic: 0, 1/3, 2/3 or 1.
 pub(super) const NORMAL: TextureFormat = TextureFormat::Rgb10a2Unorm;
-/// Instance and normal of one more sample of a pixel.
-pub(super) const SAMPLE: TextureFormat = TextureFormat::R32Uint;
 
 pub(super) struct Pipelines {
     pub shadow: RenderPipeline,
@@ -44,7 +42,7 @@ pub(super) struct Pipelines {
     pub frame_group: BindGroupLayout,
     /// Depth, albedo, normal.
     pub surface_group: BindGroupLayout,
-    /// Depth, labels, normal, colour, samples and their depth buffers.
+    /// Depth, surface, colour, samples and their depth buffers.
     pub smooth_group: BindGroupLayout,
 }
 
@@ -85,7 +83,6 @@ impl Pipelines {
             &[
                 (fragment, floats),
                 (fragment, image(TextureSampleType::Uint)),
-                (fragment, floats),
                 (fragment, floats),
                 (fragment, array(TextureSampleType::Uint)),
                 (fragment, array(TextureSampleType::Depth)),
@@ -144,7 +141,7 @@ impl Pipelines {
             vertex: "vs_main",
             fragment: Some("fs_geometry"),
             groups: &[Some(&view_group), Some(&texture_group)],
-            targets: &[DEPTH, LABELS, COS, ALBEDO, NORMAL].map(writes),
+            targets: &[DEPTH, SURFACE, COS, ALBEDO, NORMAL].map(writes),
             depth: nearer,
         };
         let whole = Stage {
@@ -171,7 +168,7 @@ impl Pipelines {
                 label: "sample",
                 fragment: Some("fs_sample"),
                 groups: &[Some(&view_group)],
-                targets: &[writes(SAMPLE)],
+                targets: &[writes(SURFACE)],
                 ..drawn
             }),
             light: pipeline(&whole),

@@ -7,7 +7,6 @@ struct View {
 struct Instance {
     camera_from_mesh: mat4x4f,
     base_color: vec3f,
-    label: u32,
     roughness: f32,
     metallic: f32,
 }

@@ -3,11 +3,10 @@
 // surface (subpixel reconstruction antialiasing, Chajdas, McGuire and Luebke 2011). Inside a surface a pixel stays as it is.
 
 @group(0) @binding(0) var seen_depth: texture_2d<f32>;
-@group(0) @binding(1) var seen_label: texture_2d<u32>;
-@group(0) @binding(2) var seen_normal: texture_2d<f32>;
-@group(0) @binding(3) var color: texture_2d<f32>;
-@group(0) @binding(4) var sample_surface: texture_2d_array<u32>;
-@group(0) @binding(5) var sample_depth: texture_depth_2d_array;
+@group(0) @binding(1) var seen_surface: texture_2d<u32>;
+@group(0) @binding(2) var color: texture_2d<f32>;
+@group(0) @binding(3) var sample_surface: texture_2d_array<u32>;
+@group(0) @binding(4) var sample_depth: texture_depth_2d_array;
 
 @vertex
 fn vs_whole(@builtin(vertex_index) index: u32) -> @builtin(position) vec4f {
@@ -20,8 +19,11 @@ const NEAR = 0.02;
 const SAME_DEPTH = 0.02;
 const SAME_NORMAL = 0.35;
 
-fn normal_at(at: vec2i) -> vec2f {
-    return 2.0 * textureLoad(seen_normal, at, 0).xy - 1.0;
+// How much the normals of two surfaces (see geometry.wgsl) differ, squared; large for different instances.
+fn difference(a: u32, b: u32) -> f32 {
+    let x = (f32((a >> 8u) & 255u) - f32((b >> 8u) & 255u)) / 127.5;
+    let y = (f32(a & 255u) - f32(b & 255u)) / 127.5;
+    return x * x + y * y + select(0.0, 100.0, ((a ^ b) & 0xffff0000u) != 0u);
 }
 
 @fragment
@@ -29,16 +31,13 @@ fn fs_smooth(@builtin(position) clip: vec4f) -> @location(0) vec4f {
     let at = vec2i(clip.xy);
     let last = vec2i(textureDimensions(seen_depth)) - 1;
     let depth = textureLoad(seen_depth, at, 0).x;
-    let instance = textureLoad(seen_label, at, 0).x >> 16u;
-    let normal = normal_at(at);
+    let surface = textureLoad(seen_surface, at, 0).x;
     var edge = false;
     for (var i = 0; i < 4; i++) {
         let side = select(-1, 1, (i & 1) == 1);
         let next = clamp(at + select(vec2i(side, 0), vec2i(0, side), i > 1), vec2i(0), last);
-        let turned = normal_at(next) - normal;
-        edge = edge || textureLoad(seen_label, next, 0).x >> 16u != instance
-            || abs(textureLoad(seen_depth, next, 0).x - depth) > SAME_DEPTH * depth
-            || dot(turned, turned) > SAME_NORMAL * SAME_NORMAL;
+        edge = edge || abs(textureLoad(seen_depth, next, 0).x - depth) > SAME_DEPTH * depth
+            || difference(textureLoad(seen_surface, next, 0).x, surface) > SAME_NORMAL * SAME_NORMAL;
     }
     let here = textureLoad(color, at, 0);
     if !edge {
@@ -46,20 +45,18 @@ fn fs_smooth(@builtin(position) clip: vec4f) -> @location(0) vec4f {
     }
     var sum = here;
     for (var s = 0; s < 3; s++) {
-        let surface = textureLoad(sample_surface, at, s, 0).x;
+        let wanted = textureLoad(sample_surface, at, s, 0).x;
         // 0 where nothing is hit, as in the depth image.
         let buffer = textureLoad(sample_depth, at, s, 0);
         let z = select(0.0, NEAR / buffer, buffer > 0.0);
-        let facing = (vec2f(f32((surface >> 8u) & 255u), f32(surface & 255u)) - 127.5) / 127.5;
         var least = 1e9;
         var best = at;
         for (var i = 0; i < 9; i++) {
             let next = clamp(at + vec2i(i % 3 - 1, i / 3 - 1), vec2i(0), last);
-            let turned = normal_at(next) - facing;
-            let other = select(0.0, 100.0, textureLoad(seen_label, next, 0).x >> 16u != surface >> 16u);
             let apart = abs(textureLoad(seen_depth, next, 0).x - z) / max(z, 0.01);
             // The pixel itself wins among equals.
-            let score = other + 10.0 * apart + dot(turned, turned) + select(0.001, 0.0, i == 4);
+            let score = difference(textureLoad(seen_surface, next, 0).x, wanted) + 10.0 * apart
+                + select(0.001, 0.0, i == 4);
             if score < least {
                 least = score;
                 best = next;

@@ -7,7 +7,7 @@ use wgpu::{
 };
 
 use super::device::Gpu;
-use super::pipelines::{ALBEDO, COLOR, COS, DEPTH, DEPTH_BUFFER, LABELS, NORMAL, Pipelines, SAMPLE, bind};
+use super::pipelines::{ALBEDO, COLOR, COS, DEPTH, DEPTH_BUFFER, NORMAL, Pipelines, SURFACE, bind};
 use super::failed;
 use crate::error::Result;
 
@@ -20,7 +20,7 @@ pub(super) struct Targets {
     pub height: usize,
     pub geometry_depth: TextureView,
     pub depth: TextureView,
-    pub labels: TextureView,
+    pub surface: TextureView,
     pub cos: TextureView,
     pub albedo: TextureView,
     pub normal: TextureView,
@@ -68,10 +68,10 @@ impl Targets {
             end += row * height;
             Copy { texture: texture(format, 1, TextureUsages::COPY_SRC | bound), offset, pixel, row }
         };
-        let copies = [copy(DEPTH), copy(LABELS), copy(COS), copy(COLOR)];
-        let [depth, labels, cos, smooth] = [0, 1, 2, 3].map(|i: usize| view(&copies[i].texture));
+        let copies = [copy(DEPTH), copy(SURFACE), copy(COS), copy(COLOR)];
+        let [depth, surface, cos, smooth] = [0, 1, 2, 3].map(|i: usize| view(&copies[i].texture));
         let [albedo, normal, color] = [ALBEDO, NORMAL, COLOR].map(|format| view(&texture(format, 1, bound)));
-        let [sample, sample_depth] = [SAMPLE, DEPTH_BUFFER].map(|format| texture(format, 3, bound));
+        let [sample, sample_depth] = [SURFACE, DEPTH_BUFFER].map(|format| texture(format, 3, bound));
         let layer = |texture: &Texture, base_array_layer| {
             texture.create_view(&TextureViewDescriptor {
                 dimension: Some(TextureViewDimension::D2),
@@ -91,11 +91,11 @@ impl Targets {
             surface_group: group(&pipelines.surface_group, &[&depth, &albedo, &normal]),
             smooth_group: group(
                 &pipelines.smooth_group,
-                &[&depth, &labels, &normal, &color, &view(&sample), &view(&sample_depth)],
+                &[&depth, &surface, &color, &view(&sample), &view(&sample_depth)],
             ),
             samples: [0, 1, 2].map(|i| (layer(&sample, i), layer(&sample_depth, i))),
             depth,
-            labels,
+            surface,
             cos,
             albedo,
             normal,
@@ -129,7 +129,7 @@ impl Targets {
         }
     }
 
-    /// Waits for the device, then calls `read(depth, labels, cos, color)` for each row in turn.
+    /// Waits for the device, then calls `read(depth, surface, cos, color)` for each row in turn.
     pub fn read_rows(&self, gpu: &Gpu, mut read: impl FnMut([&[u8]; 4])) -> Result<()> {
         let slice = self.readback.slice(..);
         slice.map_async(MapMode::Read, |_| {});
