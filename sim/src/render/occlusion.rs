@@ -8,7 +8,7 @@ use nalgebra::{Point3, Vector3};
 use crate::camera::Intrinsics;
 
 /// Surfaces farther than this do not count, metres: a contact shadow is a few centimetres wide.
-pub(super) const RADIUS: f32 = 0.07;
+pub(super) const RADIUS: f32 = 0.09;
 /// Depths looked at around each pixel.
 const TAPS: u32 = 8;
 /// The taps stay within this distance, pixels.
@@ -86,8 +86,8 @@ mod tests {
     #[test]
     fn a_plane_is_open_and_the_foot_of_a_block_is_not() {
         assert_eq!(mean(|_, _| 1.0, 100..140), 1.0);
-        // A block 6 cm high to the right of column 320.
-        let block = |u: usize, _: usize| if u >= 320 { 0.94 } else { 1.0 };
+        // A block 3 cm high to the right of column 320.
+        let block = |u: usize, _: usize| if u >= 320 { 0.97 } else { 1.0 };
         let (foot, away) = (mean(block, 312..320), mean(block, 240..260));
         assert!((0.35..0.85).contains(&foot), "{foot}");
         assert!(away > 0.99, "{away}");

@@ -54,7 +54,7 @@ fn vs_main(
     out.normal = (camera_from_mesh * vec4f(normal, 0.0)).xyz;
     out.uv = uv;
     out.color = color.rgb * instances[index].base_color;
-    out.finish = select(finish, vec2f(instances[index].roughness, instances[index].metallic), color.a > 0.5);
+    out.finish = select(vec2f(instances[index].roughness, instances[index].metallic), finish, color.a > 0.5);
     out.instance = index + 1u;
     return out;
 }

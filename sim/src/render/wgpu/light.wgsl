@@ -71,7 +71,7 @@ fn turn(v: vec2f) -> vec2f {
     return vec2f(v.x * GOLDEN.x - v.y * GOLDEN.y, v.x * GOLDEN.y + v.y * GOLDEN.x);
 }
 
-const AO_RADIUS = 0.07;
+const AO_RADIUS = 0.09;
 const AO_TAPS = 8;
 
 fn open_share(pixel: vec2f, spiral: vec2f, point: vec3f, normal: vec3f) -> f32 {
