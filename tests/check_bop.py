@@ -19,10 +19,8 @@ import numpy as np
 from PIL import Image
 
 SPLITS = ["test", "val", "train", "train_pbr"]
-PLY_TYPES = {"float": "<f4", "double": "<f8", "int": "<i4", "uint": "<u4", "uchar": "u1", "char": "i1",
-             "short": "<i2", "ushort": "<u2", "float32": "<f4", "int32": "<i4", "uint8": "u1"}
-failures = []
-checks = 0
+PLY_TYPES = {"float": "<f4", "double": "<f8", "int": "<i4", "uint": "<u4", "uchar": "u1"}
+failures, checks = [], 0
 
 
 def check(holds, message):
@@ -37,9 +35,7 @@ def check(holds, message):
 
 
 def load_json(path):
-    if not check(path.is_file(), f"{path}: is missing"):
-        return None
-    return json.loads(path.read_text())
+    return json.loads(path.read_text()) if check(path.is_file(), f"{path}: is missing") else None
 
 
 def is_rotation(values):
@@ -71,8 +67,8 @@ def load_ply(path):
             elements.append((words[1], int(words[2]), []))
         elif words[0] == "property":
             elements[-1][2].append(words[1:])
-    (first, count, properties), (second, faces, lists) = elements[:2]
-    assert (first, second) == ("vertex", "face") and len(lists) == 1, f"{path}: unusual elements"
+    (_, count, properties), (_, faces, lists) = elements
+    assert elements[1][0] == "face" and len(lists) == 1, f"{path}: unusual elements"
     names = [p[-1] for p in properties]
     if binary:
         vertex = np.dtype([(p[-1], PLY_TYPES[p[0]]) for p in properties])
@@ -83,8 +79,8 @@ def load_ply(path):
         check((triangles["n"] == 3).all(), f"{path}: has faces that are no triangles")
         points = np.stack([body[axis] for axis in "xyz"], 1).astype(float)
         if "nx" in names:
-            normals = np.stack([body[axis] for axis in ("nx", "ny", "nz")], 1)
-            check(np.abs(np.linalg.norm(normals, axis=1) - 1).max() < 1e-3, f"{path}: normals are not of unit length")
+            squares = sum(body[axis] ** 2 for axis in ("nx", "ny", "nz"))
+            check(np.abs(squares - 1).max() < 1e-3, f"{path}: normals are not of unit length")
         return points, triangles["i"].astype(int), texture
     lines = [line.split() for line in data[end:].decode("ascii").splitlines()]
     points = np.array(lines[:count], float)[:, [names.index(axis) for axis in "xyz"]]
@@ -104,8 +100,7 @@ def diameter(points):
 
 def check_models(root, tolerance_mm):
     """Every model against models_info.json; returns the models by object."""
-    folder = root / "models"
-    models = {}
+    folder, models = root / "models", {}
     for key, info in (load_json(folder / "models_info.json") or {}).items():
         path = folder / f"obj_{int(key):06d}.ply"
         if not check(path.is_file(), f"{path}: is missing"):
@@ -121,11 +116,11 @@ def check_models(root, tolerance_mm):
             measured[f"min_{letter}"], measured[f"size_{letter}"] = low[axis], high[axis] - low[axis]
         for field, value in measured.items():
             check(abs(info[field] - value) <= tolerance_mm, f"{path}: {field} {info[field]} is {value}")
-        for index, turn in enumerate(info.get("symmetries_discrete", [])):
-            turn = np.array(turn, float).reshape(4, 4)
-            check(is_rotation(turn[:3, :3]) and (turn[3] == [0, 0, 0, 1]).all(), f"object {key}: symmetry {index} is no turn")
+        for turn in info.get("symmetries_discrete", []):
+            m = np.array(turn, float).reshape(4, 4)
+            check(is_rotation(m[:3, :3]) and (m[3] == [0, 0, 0, 1]).all(), f"object {key}: symmetry {turn} is no turn")
         for axis in info.get("symmetries_continuous", []):
-            check(np.linalg.norm(axis["axis"]) > 1e-9 and len(axis["offset"]) == 3, f"object {key}: axis without direction")
+            check(np.linalg.norm(axis["axis"]) > 0 and len(axis["offset"]) == 3, f"object {key}: axis {axis}")
     return models
 
 
@@ -135,15 +130,12 @@ def render(points, triangles, rotation, translation, k, shape):
     if p[:, 2].min() < 1.0:
         return None
     height, width = shape
-    u = k[0, 0] * p[:, 0] / p[:, 2] + k[0, 2]
-    v = k[1, 1] * p[:, 1] / p[:, 2] + k[1, 2]
-    inverse = 1.0 / p[:, 2]
-    nearest = np.zeros(shape)
+    inverse, nearest = 1.0 / p[:, 2], np.zeros(shape)
+    u, v = k[0, 0] * p[:, 0] * inverse + k[0, 2], k[1, 1] * p[:, 1] * inverse + k[1, 2]
     # One over the depth is linear in the image, so it is interpolated there.
     for a, b, c in triangles:
-        left, right = int(np.ceil(min(u[a], u[b], u[c]))), int(np.floor(max(u[a], u[b], u[c])))
-        top, bottom = int(np.ceil(min(v[a], v[b], v[c]))), int(np.floor(max(v[a], v[b], v[c])))
-        left, right, top, bottom = max(left, 0), min(right, width - 1), max(top, 0), min(bottom, height - 1)
+        left, right = max(int(np.ceil(min(u[a], u[b], u[c]))), 0), min(int(max(u[a], u[b], u[c], -1)), width - 1)
+        top, bottom = max(int(np.ceil(min(v[a], v[b], v[c]))), 0), min(int(max(v[a], v[b], v[c], -1)), height - 1)
         area = (u[b] - u[a]) * (v[c] - v[a]) - (u[c] - u[a]) * (v[b] - v[a])
         if left > right or top > bottom or abs(area) < 1e-12:
             continue
@@ -153,7 +145,7 @@ def render(points, triangles, rotation, translation, k, shape):
         wa = 1 - wb - wc
         value = wa * inverse[a] + wb * inverse[b] + wc * inverse[c]
         window = nearest[top:bottom + 1, left:right + 1]
-        closer = (wa >= -1e-9) & (wb >= -1e-9) & (wc >= -1e-9) & (value > window)
+        closer = (np.minimum(np.minimum(wa, wb), wc) >= -1e-9) & (value > window)
         window[closer] = value[closer]
     return np.divide(1.0, nearest, out=np.zeros(shape), where=nearest > 0)
 
@@ -175,7 +167,7 @@ def rle_decode(rle):
 
 def check_masks(name, info, mask, seen, depth):
     """Both masks of an instance against each other and against its counts."""
-    check(np.isin(mask, (0, 255)).all() and np.isin(seen, (0, 255)).all(), f"{name}: masks have values between 0 and 255")
+    check(np.isin([mask, seen], (0, 255)).all(), f"{name}: masks have values between 0 and 255")
     mask, seen = mask > 0, seen > 0
     check(not (seen & ~mask).any(), f"{name}: mask_visib leaves mask")
     if info is None:
@@ -190,14 +182,14 @@ def check_masks(name, info, mask, seen, depth):
     check(abs(info["visib_fract"] - fraction) < 1e-9, f"{name}: visib_fract {info['visib_fract']} is {fraction}")
     check(info["bbox_visib"] == toolkit_bbox(seen), f"{name}: bbox_visib {info['bbox_visib']} is {toolkit_bbox(seen)}")
     if count == 0:
-        check(info["bbox_obj"] == [-1] * 4, f"{name}: bbox_obj of a hidden object is {info['bbox_obj']}")
-        return
-    # Only the part of the silhouette in the image can be seen here: its box is the whole box cut to the image.
+        return check(info["bbox_obj"] == [-1] * 4, f"{name}: bbox_obj of a hidden object is {info['bbox_obj']}")
+    # Only the part of the silhouette in the image can be seen here.
     height, width = mask.shape
-    left, top, right, bottom = max(x, 0), max(y, 0), min(x + w, width - 1), min(y + h, height - 1)
-    check([left, top, right - left, bottom - top] == toolkit_bbox(mask), f"{name}: bbox_obj {info['bbox_obj']} is not that of mask")
+    left, top, inner_w, inner_h = toolkit_bbox(mask)
     cut = x < 0 or y < 0 or x + w >= width or y + h >= height
-    check(cut == (everything > inside), f"{name}: {everything} pixels, {inside} in the image, but bbox_obj {info['bbox_obj']}")
+    within = x <= left and y <= top and left + inner_w <= x + w and top + inner_h <= y + h
+    check(within if cut else [x, y, w, h] == toolkit_bbox(mask), f"{name}: bbox_obj {info['bbox_obj']} is not that of mask")
+    check(cut == (everything > inside), f"{name}: px_count_all {everything}, mask {inside}, bbox_obj {info['bbox_obj']}")
 
 
 def check_image(scene, im_id, camera, truths, infos, models, arguments, errors):
@@ -206,14 +198,13 @@ def check_image(scene, im_id, camera, truths, infos, models, arguments, errors):
     names = [scene / f"{kind}/{im_id:06d}.{ending}" for kind in ("rgb", "gray") for ending in ("png", "jpg")]
     rgb = picture(next((path for path in names if path.is_file()), names[0]), ("RGB", "L"))
     raw = picture(scene / f"depth/{im_id:06d}.png", ("I", "I;16", "I;16B"))
-    if rgb is None or raw is None:
+    if rgb is None or raw is None or not check(rgb.shape[:2] == raw.shape, f"{name}: sizes of rgb and depth"):
         return None
     shape = raw.shape
-    check(rgb.shape[:2] == shape, f"{name}: rgb is {rgb.shape[:2]}, depth {shape}")
     k = np.array(camera["cam_K"], float).reshape(3, 3)
     check((k[2] == [0, 0, 1]).all() and k[0, 0] > 0 and k[1, 1] > 0, f"{name}: cam_K {k.tolist()}")
-    if "cam_R_w2c" in camera:
-        check(is_rotation(camera["cam_R_w2c"]) and len(camera["cam_t_w2c"]) == 3, f"{name}: pose of the camera")
+    turn, t = camera.get("cam_R_w2c", np.eye(3)), camera.get("cam_t_w2c", [0, 0, 0])
+    check(is_rotation(turn) and len(t) == 3, f"{name}: pose of the camera {turn} {t}")
     depth = raw * float(camera["depth_scale"])
     check(infos is None or len(infos) == len(truths), f"{name}: scene_gt and scene_gt_info differ in length")
     taken = np.zeros(shape, int)
@@ -230,15 +221,13 @@ def check_image(scene, im_id, camera, truths, infos, models, arguments, errors):
                 continue
             check_masks(who, infos[index] if infos else None, mask, seen, raw)
             taken += seen > 0
-            silhouettes.append(mask > 0)
-            visible.append(seen > 0)
+            silhouettes, visible = silhouettes + [mask > 0], visible + [seen > 0]
         if arguments.models_depth and truth["obj_id"] in models:
             drawn = render(*models[truth["obj_id"]], turn.reshape(3, 3), t, k, shape)
             if drawn is None:
                 continue
             # Without masks, whatever is drawn within 15 mm of the depth (BOP's tolerance) counts as visible.
-            where = visible[-1] if visible else np.abs(drawn - depth) < 15
-            where = where & (drawn > 0) & (depth > 0)
+            where = (visible[-1] if visible else np.abs(drawn - depth) < 15) & (drawn > 0) & (depth > 0)
             errors[truth["obj_id"]].append(np.abs(drawn - depth)[where])
             if silhouettes:
                 differ = int((silhouettes[-1] ^ (drawn > 0)).sum())
@@ -252,24 +241,22 @@ def check_image(scene, im_id, camera, truths, infos, models, arguments, errors):
 def check_coco(path, base, masks):
     """A COCO file against the masks of its scene ({image id: (silhouettes, visible)}); None leaves the masks out."""
     coco = load_json(path)
-    ids = [annotation["id"] for annotation in coco["annotations"]]
+    ids, categories = ([entry["id"] for entry in coco[kind]] for kind in ("annotations", "categories"))
     images = {image["id"]: image for image in coco["images"]}
-    categories = {category["id"] for category in coco["categories"]}
     check(len(set(ids)) == len(ids) and len(images) == len(coco["images"]), f"{path}: ids are not unique")
     for image in images.values():
         check((base / image["file_name"]).is_file(), f"{path}: {image['file_name']} is missing")
     by_image = defaultdict(list)
     for annotation in coco["annotations"]:
-        check(annotation["image_id"] in images, f"{path}: annotation {annotation['id']} is of no image")
-        check(annotation["category_id"] in categories, f"{path}: annotation {annotation['id']} is of no category")
+        known = annotation["image_id"] in images and annotation["category_id"] in categories
+        check(known, f"{path}: annotation {annotation['id']} is of no known image or category")
         mask = rle_decode(annotation["segmentation"])
         if check(mask is not None and mask.sum() == annotation["area"], f"{path}: runs of annotation {annotation['id']}"):
             by_image[annotation["image_id"]].append((annotation, mask))
     for im_id, (silhouettes, visible) in (masks or {}).items():
         shown = [(whole, seen) for whole, seen in zip(silhouettes, visible) if seen.any()]
         found = by_image[im_id]
-        if not check(len(shown) == len(found), f"{path}: image {im_id} has {len(found)} annotations, {len(shown)} visible"):
-            continue
+        check(len(shown) == len(found), f"{path}: image {im_id} has {len(found)} annotations, {len(shown)} visible")
         for (whole, seen), (annotation, mask) in zip(shown, found):
             x, y, w, h = toolkit_bbox(whole)
             right = (mask == seen).all() and annotation["bbox"] == [x, y, w + 1, h + 1]
@@ -286,8 +273,8 @@ def foreign_coco(path, by_image):
     with redirect_stdout(sys.stderr):
         loaded = COCO(str(path))
     for annotation, mask in (pair for pairs in by_image.values() for pair in pairs):
-        other = loaded.annToMask(loaded.anns[annotation["id"]]) > 0
-        check((other == mask).all(), f"{path}: pycocotools decodes annotation {annotation['id']} otherwise")
+        same = (loaded.annToMask(annotation) == mask).all()
+        check(same, f"{path}: pycocotools decodes annotation {annotation['id']} otherwise")
 
 
 def foreign_bop(root, scenes):
@@ -297,10 +284,11 @@ def foreign_bop(root, scenes):
     except ImportError:
         return "not installed"
     for scene in map(str, scenes):
-        same = inout.load_scene_camera(scene + "/scene_camera.json").keys() == inout.load_scene_gt(scene + "/scene_gt.json").keys()
-        check(same, f"{scene}: the toolkit finds other images")
+        camera, truth = inout.load_scene_camera(f"{scene}/scene_camera.json"), inout.load_scene_gt(f"{scene}/scene_gt.json")
+        check(camera.keys() == truth.keys(), f"{scene}: the toolkit finds other images")
     for path in sorted((root / "models").glob("obj_*.ply")):
-        check(len(inout.load_ply(str(path))["pts"]) == len(load_ply(path)[0]), f"{path}: the toolkit reads it otherwise")
+        same = np.allclose(inout.load_ply(str(path))["pts"], load_ply(path)[0])
+        check(same, f"{path}: the toolkit reads it otherwise")
     return "used"
 
 
@@ -308,10 +296,9 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("dataset", type=Path)
     parser.add_argument("--split", help="default: the first of test, val, train, train_pbr, else any that has scenes")
-    parser.add_argument("--models-depth", action="store_true", help="draw the models and compare with the depth pictures")
+    parser.add_argument("--models-depth", action="store_true", help="draw the models and compare with the depth")
     parser.add_argument("--max-median-mm", type=float, default=1.0)
-    parser.add_argument("--model-tolerance-mm", type=float, default=0.01,
-                        help="of sizes; sets whose models were thinned out afterwards need more")
+    parser.add_argument("--model-tolerance-mm", type=float, default=0.01, help="of sizes; thinned-out models need more")
     arguments = parser.parse_args()
     root = arguments.dataset
     splits = sorted({path.parent.parent.name for path in root.glob("*/[0-9]*/scene_camera.json")},
@@ -321,15 +308,15 @@ def main():
         sys.exit(f"{root}: no split {split or ''} with scenes; found: {', '.join(splits) or 'none'}")
     models = check_models(root, arguments.model_tolerance_mm)
     sensor = load_json(root / "camera.json")
-    check(sensor is None or {"fx", "fy", "cx", "cy", "width", "height"} <= sensor.keys(), f"{root}/camera.json: lacks fields")
+    missing = {"fx", "fy", "cx", "cy", "width", "height"} - set(sensor or {})
+    check(not missing, f"{root}/camera.json: lacks {missing}")
     scenes = sorted(path.parent for path in root.glob(f"{split}/[0-9]*/scene_camera.json"))
     errors, images = defaultdict(list), {}
     for scene in scenes:
         cameras, truth = load_json(scene / "scene_camera.json"), load_json(scene / "scene_gt.json")
+        infos = load_json(scene / "scene_gt_info.json") if (scene / "scene_gt_info.json").exists() else None
         if cameras is None or truth is None:
             continue
-        path = scene / "scene_gt_info.json"
-        infos = load_json(path) if path.exists() else None
         same = cameras.keys() == truth.keys() and (infos is None or infos.keys() == truth.keys())
         check(same, f"{scene}: files list different images")
         masks = {}
@@ -346,7 +333,6 @@ def main():
     for target in (load_json(root / "test_targets_bop19.json") or []) if split == "test" else []:
         check((target["scene_id"], target["im_id"]) in images, f"target {target}: there is no such image")
     toolkit = foreign_bop(root, scenes)
-
     print(f"{split}: {len(scenes)} scenes, {len(images)} images, {sum(images.values())} instances, {len(models)} models; "
           f"{checks} checks, {len(failures)} failed; bop_toolkit_lib {toolkit}")
     if arguments.models_depth:

@@ -294,11 +294,17 @@ mod tests {
         let frames: SceneAnnotations =
             [1, 4].map(|im| (im, ([2, 3], vec![annotation(5, &one, &one, 1.0), None]))).into();
         let mut whole = scene("set", &[5], &frames);
-        assert_eq!(whole.annotations.iter().map(|a| (a.id, a.image_id)).collect::<Vec<_>>(), [(1, 1), (2, 4)]);
+        assert_eq!(
+            whole.annotations.iter().map(|a| (a.id, a.image_id)).collect::<Vec<_>>(),
+            [(1, 1), (2, 4)]
+        );
         whole.merge(scene("set", &[3, 5], &frames), "test/000002");
         assert_eq!(whole.images.iter().map(|i| i.id).collect::<Vec<_>>(), [1, 4, 6, 9]);
         assert_eq!(whole.images[3].file_name, "test/000002/rgb/000004.png");
-        assert_eq!(whole.annotations.iter().map(|a| (a.id, a.image_id)).collect::<Vec<_>>()[2..], [(3, 6), (4, 9)]);
+        assert_eq!(
+            whole.annotations.iter().map(|a| (a.id, a.image_id)).collect::<Vec<_>>()[2..],
+            [(3, 6), (4, 9)]
+        );
         assert_eq!(whole.categories.iter().map(|c| c.id).collect::<Vec<_>>(), [3, 5]);
     }
 }

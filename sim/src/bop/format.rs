@@ -4,9 +4,7 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use nalgebra::{
-    Isometry3, Matrix3, Point3, Rotation3, Translation3, Unit, UnitQuaternion, Vector3, Vector4,
-};
+use nalgebra::{Isometry3, Matrix3, Point3, Rotation3, Translation3, Unit, UnitQuaternion, Vector3, Vector4};
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Deserializer, Serialize};
 
@@ -207,12 +205,9 @@ impl ModelFile {
     /// Field, value and reason, when a size is not positive or a symmetry is no rigid transform.
     pub fn checked(&self) -> std::result::Result<ModelInfo, String> {
         let size = Vector3::new(self.size_x, self.size_y, self.size_z);
-        for (field, value) in [
-            ("diameter", self.diameter),
-            ("size_x", size.x),
-            ("size_y", size.y),
-            ("size_z", size.z),
-        ] {
+        for (field, value) in
+            [("diameter", self.diameter), ("size_x", size.x), ("size_y", size.y), ("size_z", size.z)]
+        {
             if value < 0.0 || (field == "diameter" && value == 0.0) {
                 return Err(format!("{field} = {value}: must be positive"));
             }
@@ -306,13 +301,15 @@ pub(super) fn load<T: DeserializeOwned>(path: &Path, levels: &[&str]) -> Result<
         let place = place(error.path(), levels);
         let inner = error.inner();
         let rest = text.lines().nth(inner.line().saturating_sub(1)).unwrap_or("");
-        let from: String = rest.chars().skip(inner.column().saturating_sub(3)).take(12).collect();
-        let hint = if ["NaN", "Infinity"].iter().any(|word| from.contains(word)) {
-            "; NaN and Infinity are no numbers in JSON: write a finite one"
-        } else {
-            ""
-        };
-        Error::invalid(path, format!("{place}{inner}{hint}"))
+        let near: String = rest.chars().skip(inner.column().saturating_sub(3)).take(16).collect();
+        let mut message = format!("{place}{inner}");
+        if inner.is_syntax() || message.contains("key") {
+            message.push_str(&format!(", near `{near}`"));
+        }
+        if ["NaN", "Infinity"].iter().any(|word| near.contains(word)) {
+            message.push_str("; NaN and Infinity are no numbers in JSON: write a finite one");
+        }
+        Error::invalid(path, message)
     })?;
     json.end().map_err(|error| Error::invalid(path, format!("{error}; the file must end there")))?;
     Ok(value)
@@ -380,4 +377,24 @@ fn exactly<const N: usize, E: serde::de::Error>(values: Vec<f64>) -> std::result
         };
         E::custom(format!("{values:?} has {} numbers, must have {N}{shape}", values.len()))
     })
+}
+
+/// Writes `root/camera.json`.
+///
+/// # Errors
+/// If it cannot be written.
+pub fn write_camera(root: &Path, camera: &CameraFile) -> Result<()> {
+    let path = root.join("camera.json");
+    super::write_atomic(&path, (to_json(&path, camera)? + "\n").as_bytes())
+}
+
+/// Writes `root/test_targets_bop19.json`, one target a line.
+///
+/// # Errors
+/// If it cannot be written.
+pub fn write_targets(root: &Path, targets: &[Target]) -> Result<()> {
+    let path = root.join("test_targets_bop19.json");
+    let lines = targets.iter().map(|target| Ok(format!("  {}", to_json(&path, target)?)));
+    let text = format!("[\n{}\n]\n", lines.collect::<Result<Vec<_>>>()?.join(",\n"));
+    super::write_atomic(&path, text.as_bytes())
 }

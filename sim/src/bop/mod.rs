@@ -37,14 +37,18 @@ pub mod gt_info;
 pub mod models;
 mod pictures;
 pub mod read;
+#[cfg(test)]
+mod rendered_tests;
 mod staging;
-mod texture;
 #[cfg(test)]
 mod tests;
+mod texture;
 pub mod write;
 
 pub use coco::write_set as write_coco_set;
-pub use format::{GtInfo, ModelInfo, Symmetries, SymmetryAxis, Target};
+pub use format::{
+    CameraFile, GtInfo, ModelInfo, Symmetries, SymmetryAxis, Target, write_camera, write_targets,
+};
 pub use gt_info::gt_info;
 pub use models::export_models;
 pub use read::{BopFrame, Dataset, GroundTruth};

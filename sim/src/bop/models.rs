@@ -133,7 +133,8 @@ mod tests {
     /// The colour in the middle of a triangle as a renderer would have it, linear, nearest texel.
     fn color(visual: &Visual, triangle: [u32; 3]) -> [f32; 3] {
         let mesh = &visual.mesh;
-        let mean = |value: &dyn Fn(usize) -> f32| triangle.iter().map(|&i| value(i as usize)).sum::<f32>() / 3.0;
+        let mean =
+            |value: &dyn Fn(usize) -> f32| triangle.iter().map(|&i| value(i as usize)).sum::<f32>() / 3.0;
         let base = color_to_linear(visual.material.base_color);
         std::array::from_fn(|channel| {
             let mut light = base[channel];
@@ -182,7 +183,9 @@ mod tests {
             let (name, id) = (&model.info.name, model.info.bop_id);
             let back = set.load_model(id).unwrap();
             let info = &infos[&id];
-            assert!((info.diameter - model.diameter).abs() < 1e-12 && (info.size - model.size()).norm() < 1e-12);
+            assert!(
+                (info.diameter - model.diameter).abs() < 1e-12 && (info.size - model.size()).norm() < 1e-12
+            );
             assert_eq!(back.mesh.triangles.len(), model.visual.mesh.triangles.len(), "{name}");
             let mut off = 0.0_f64;
             let mut shades = 0.0_f32;
@@ -216,7 +219,10 @@ mod tests {
         let models = ["002_master_chef_can", "003_cracker_box"].map(|name| library.load(name).unwrap());
         export_models(&folder.path().join("models"), models.iter().map(Arc::as_ref)).unwrap();
         let text = std::fs::read_to_string(folder.path().join("models/models_info.json")).unwrap();
-        assert!(text.contains("[-1.0,0.0,0.0,0.0,0.0,-1.0,0.0,0.0,0.0,0.0,1.0,0.0,0.0,0.0,0.0,1.0]"), "{text}");
+        assert!(
+            text.contains("[-1.0,0.0,0.0,0.0,0.0,-1.0,0.0,0.0,0.0,0.0,1.0,0.0,0.0,0.0,0.0,1.0]"),
+            "{text}"
+        );
         let infos = Dataset::open(folder.path(), None).unwrap().models_info().unwrap();
         let can = &infos[&1].symmetries;
         assert_eq!((can.discrete.len(), can.continuous.len()), (1, 1));

@@ -183,7 +183,7 @@ impl Dataset {
             Error::invalid(&path, format!("has no image {im_id}; it has {}", span(scene.camera.keys())))
         })?;
         let in_image = |message: String| Error::invalid(&path, format!("image {im_id}, {message}"));
-        if !(camera.depth_scale > 0.0) {
+        if camera.depth_scale <= 0.0 {
             return Err(in_image(format!("depth_scale = {}: must be positive", camera.depth_scale)));
         }
         let rgb_path = rgb_path(&folder, im_id)?;
@@ -226,7 +226,8 @@ impl Dataset {
         let count = scene.gt.get(&im_id).map_or(0, Vec::len);
         if index >= count {
             let path = folder.join("scene_gt.json");
-            let message = format!("image {im_id} has {count} ground truths, so there is none of index {index}");
+            let message =
+                format!("image {im_id} has {count} ground truths, so there is none of index {index}");
             return Err(Error::invalid(path, message));
         }
         let path = folder.join(format!("{kind}/{im_id:06}_{index:06}.png"));
@@ -267,7 +268,10 @@ impl Dataset {
         names.retain(|name| name == "models" || name.starts_with("models_"));
         names.sort_by_key(|name| (name != "models", name.ends_with("_eval"), name.clone()));
         names.first().map(|name| self.root.join(name)).ok_or_else(|| {
-            Error::invalid(&self.root, "has no folder models; unpack the set's models (SET_models.zip) into it")
+            Error::invalid(
+                &self.root,
+                "has no folder models; unpack the set's models (SET_models.zip) into it",
+            )
         })
     }
 }
@@ -328,7 +332,8 @@ fn rgb_path(folder: &Path, im_id: u32) -> Result<PathBuf> {
     let kinds = [("rgb", "png"), ("rgb", "jpg"), ("gray", "png"), ("gray", "jpg")];
     let path = |(kind, ending): (&str, &str)| folder.join(format!("{kind}/{im_id:06}.{ending}"));
     kinds.into_iter().map(path).find(|path| path.is_file()).ok_or_else(|| {
-        let message = "no such file, nor a .jpg, nor one in gray/; unpack the set's images, or leave this image out";
+        let message =
+            "no such file, nor a .jpg, nor one in gray/; unpack the set's images, or leave this image out";
         Error::invalid(path(kinds[0]), message)
     })
 }

@@ -11,7 +11,7 @@ use crate::render::srgb::{LINEAR_OF_8BIT, color_to_linear, encode_8bit};
 /// Texels around a tile, so that filtering does not bleed between tiles.
 const PADDING: i64 = 3;
 /// Tiles are packed in shelves of this width at least.
-const SHELF: u32 = 1024;
+const SHELF: u32 = 2048;
 
 /// The mesh with texture coordinates of its own texture, or with colours and no texture. Every place has the colour that
 /// `visual` has there, up to 8-bit rounding; a triangle whose corners differ in colour and which is textured too takes

@@ -77,7 +77,8 @@ impl EncodedFrame {
 pub fn encode_frame(frame: &FrameFiles) -> Result<EncodedFrame> {
     let im_id = frame.im_id;
     let Intrinsics { width, height, fx, fy, cx, cy } = frame.intrinsics;
-    let in_camera = |message: String| Error::invalid("scene_camera.json", format!("image {im_id}, {message}"));
+    let in_camera =
+        |message: String| Error::invalid("scene_camera.json", format!("image {im_id}, {message}"));
     if let Some(problem) = frame.intrinsics.problem() {
         return Err(in_camera(problem));
     }

@@ -110,7 +110,11 @@ mod tests {
             ("upright", "uprigth", "uprigth"),
             ("sturdy", "soft", "soft"),
             ("upright = false", "upright = false\nrevolution = \"w\"", "unknown variant `w`"),
-            ("upright = false", "upright = false\nhalf_turns = [\"x\", \"x\"]", "object 'a': half_turns: \"x\""),
+            (
+                "upright = false",
+                "upright = false\nhalf_turns = [\"x\", \"x\"]",
+                "object 'a': half_turns: \"x\"",
+            ),
             (
                 "upright = false",
                 "upright = false\nrevolution = \"z\"\nhalf_turns = [\"z\"]",
