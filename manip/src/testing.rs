@@ -22,6 +22,8 @@ fn info(name: &str) -> ObjectInfo {
         symmetric: false,
         fragility: Fragility::Sturdy,
         upright: false,
+        revolution: None,
+        half_turns: vec![],
     }
 }
 

@@ -8,12 +8,14 @@
 //! | [`robot`] | the robot model read from a URDF, and its kinematics |
 //! | [`scene`] | scene files: table, bin, robot placement, objects |
 //! | [`camera`], [`images`], [`frame`] | pinhole cameras, image types, and the frame that perception gets |
+//! | [`bop`] | data sets in the format of the BOP challenge, read and written |
 //! | [`convert`] | our geometry as parry's and rapier's |
 //! | [`render`], [`sensor`], [`condition`] | renderers (wgpu and CPU), depth and colour noise, scripted conditions |
 //! | `physics` | the rapier world; only with the feature `physics`, which perception and manipulation never enable |
 //!
 //! Units are SI, angles radians, frames right-handed with z up in the world; see [`pose`] for the frames.
 
+pub mod bop;
 pub mod camera;
 pub mod condition;
 pub mod convert;

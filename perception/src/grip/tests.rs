@@ -28,6 +28,8 @@ fn model(positions: Vec<Point3<f32>>, triangles: Vec<[u32; 3]>) -> Model {
             symmetric: false,
             fragility: Fragility::Sturdy,
             upright: false,
+            revolution: None,
+            half_turns: vec![],
         },
         visual: Arc::new(Visual {
             mesh: Arc::new(Mesh { positions, triangles, ..Mesh::default() }),

@@ -40,6 +40,8 @@ pub fn object(name: &str, positions: Vec<Point3<f32>>, triangles: Vec<[u32; 3]>)
             symmetric: true,
             fragility: Fragility::Sturdy,
             upright: false,
+            revolution: None,
+            half_turns: vec![],
         },
         visual: Arc::new(Visual {
             mesh: Arc::new(Mesh { positions, normals, uvs: vec![], colors: vec![], triangles }),

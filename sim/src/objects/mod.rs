@@ -9,6 +9,7 @@
 //! | [`scans`] | models from the official YCB scans or from BOP |
 //! | [`mesh_io`] | OBJ and PLY files |
 //! | [`decompose`] | convex pieces of a scanned mesh |
+//! | [`Axis`] | turns that keep an object's shape, as declared in the table |
 //! | [`collision_error()`] | how far the pieces are from the mesh |
 
 mod builtin;
@@ -17,6 +18,7 @@ pub mod decompose;
 pub mod library;
 pub mod mesh_io;
 pub mod scans;
+mod symmetry;
 pub mod table;
 
 use std::path::PathBuf;
@@ -30,6 +32,7 @@ use crate::shape::CollisionShape;
 
 pub use collision_error::{CollisionError, collision_error};
 pub use library::{ObjectLibrary, resolve_set};
+pub use symmetry::Axis;
 
 /// Where the models come from.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -83,6 +86,13 @@ pub struct ObjectInfo {
     pub fragility: Fragility,
     /// Must stand upright when packed.
     pub upright: bool,
+    /// The axis about which any turn keeps the shape, if there is one. None where the row leaves it out.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub revolution: Option<Axis>,
+    /// The axes about which a turn by 180 degrees keeps the shape, beyond what `revolution` says already; with
+    /// `revolution`, one of the two others at most. None where the row leaves it out.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub half_turns: Vec<Axis>,
 }
 
 /// An object: facts, looks and solid. Immutable.

@@ -102,6 +102,8 @@ mod tests {
             symmetric: true,
             fragility: Fragility::Sturdy,
             upright: false,
+            revolution: None,
+            half_turns: vec![],
         }
     }
 

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use serde::Deserialize;
 
-use super::ObjectInfo;
+use super::{ObjectInfo, symmetry};
 use crate::{Error, Result};
 
 /// The `schema` line that this program reads.
@@ -70,7 +70,11 @@ fn check_row(info: &ObjectInfo) -> std::result::Result<(), String> {
         Err(format!("object '{name}': {field} = {value}: must be {low} to {high}"))
     };
     within("mass_kg", info.mass_kg, 1e-3, 50.0)?;
-    within("friction", info.friction, 0.01, 2.0)
+    within("friction", info.friction, 0.01, 2.0)?;
+    match symmetry::problem(info.revolution, &info.half_turns) {
+        Some(problem) => Err(format!("object '{name}': {problem}")),
+        None => Ok(()),
+    }
 }
 
 #[cfg(test)]
@@ -105,6 +109,17 @@ mod tests {
             ("upright = false", "", "upright"),
             ("upright", "uprigth", "uprigth"),
             ("sturdy", "soft", "soft"),
+            ("upright = false", "upright = false\nrevolution = \"w\"", "unknown variant `w`"),
+            (
+                "upright = false",
+                "upright = false\nhalf_turns = [\"x\", \"x\"]",
+                "object 'a': half_turns: \"x\"",
+            ),
+            (
+                "upright = false",
+                "upright = false\nrevolution = \"z\"\nhalf_turns = [\"z\"]",
+                "revolution = \"z\"; leave it out",
+            ),
         ] {
             let message = error_of(&with(from, to));
             assert!(message.contains(wanted), "{to}: {message}");

@@ -1,0 +1,391 @@
+//! A data set on disk. Opening looks at folder names only; files are read when they are asked for, and the JSON files of a
+//! scene are kept.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::sync::{Arc, Mutex, PoisonError};
+
+use super::format::{
+    self, CameraEntry, GtEntry, GtInfo, MILLIMETRE, ModelInfo, ModelsFile, SceneCamera, SceneGt, SceneGtInfo,
+    Target,
+};
+use super::pictures;
+use crate::camera::Intrinsics;
+use crate::images::{DepthImage, Image, RgbImage};
+use crate::mesh::Visual;
+use crate::objects::mesh_io;
+use crate::pose::{Camera, Object, Pose, World};
+use crate::{Error, Result};
+
+/// Splits in the order in which one is chosen when none is asked for; any other comes after these, by name.
+const SPLITS: [&str; 6] = ["test", "val", "train", "train_pbr", "train_real", "train_synt"];
+
+/// One split of a data set.
+#[derive(Debug)]
+pub struct Dataset {
+    root: PathBuf,
+    split: String,
+    /// By scene; a scene whose files are wrong is read again when it is asked for again.
+    scenes: Mutex<BTreeMap<u32, Arc<SceneFiles>>>,
+}
+
+/// The JSON files of a scene.
+#[derive(Debug)]
+struct SceneFiles {
+    camera: SceneCamera,
+    gt: SceneGt,
+    info: Option<SceneGtInfo>,
+}
+
+/// One image of a data set with what is known of it. Metres.
+#[derive(Debug, Clone)]
+pub struct BopFrame {
+    /// Scene.
+    pub scene_id: u32,
+    /// Image of the scene.
+    pub im_id: u32,
+    /// Colour, 8-bit sRGB; grey pictures have three equal channels.
+    pub rgb: RgbImage,
+    /// Depth along the optical axis, metres; 0.0 is no reading.
+    pub depth: DepthImage,
+    /// Of both pictures.
+    pub intrinsics: Intrinsics,
+    /// Pose of the camera, where the data set has it.
+    pub world_from_camera: Option<Pose<World, Camera>>,
+    /// In the order of `scene_gt.json`: the position is the ground-truth index. Empty where truth is withheld.
+    pub ground_truths: Vec<GroundTruth>,
+}
+
+/// One instance in an image.
+#[derive(Debug, Clone, PartialEq)]
+pub struct GroundTruth {
+    /// The object.
+    pub obj_id: u32,
+    /// Its pose.
+    pub camera_from_object: Pose<Camera, Object>,
+    /// Counts and boxes, where the data set has them.
+    pub info: Option<GtInfo>,
+}
+
+impl Dataset {
+    /// Opens the data set at `root`. `split` is a folder such as `test` or `train_pbr`; without it the first of test, val,
+    /// train, train_pbr, train_real, train_synt, else the first other folder that holds scenes.
+    ///
+    /// # Errors
+    /// If there is no such folder, or no scene in it; the message lists the splits that were found.
+    pub fn open(root: &Path, split: Option<&str>) -> Result<Self> {
+        let mut found = Vec::new();
+        for name in folder_names(root)? {
+            if !numbered(&root.join(&name))?.is_empty() {
+                found.push(name);
+            }
+        }
+        found.sort_by_key(|name| SPLITS.iter().position(|known| known == name).unwrap_or(SPLITS.len()));
+        let chosen = match split {
+            Some(wanted) => found.iter().find(|name| *name == wanted),
+            None => found.first(),
+        };
+        let Some(chosen) = chosen else {
+            let listed = if found.is_empty() { "none".to_owned() } else { found.join(", ") };
+            let wanted = split.map(|name| format!(" '{name}'")).unwrap_or_default();
+            return Err(Error::invalid(
+                root,
+                format!(
+                    "has no split{wanted} with scenes; splits found: {listed}; a split is a folder such as test or \
+                     train_pbr that holds scenes such as 000001"
+                ),
+            ));
+        };
+        Ok(Self { root: root.to_path_buf(), split: chosen.clone(), scenes: Mutex::default() })
+    }
+
+    /// The data set's folder.
+    pub fn root(&self) -> &Path {
+        &self.root
+    }
+
+    /// The split that was chosen.
+    pub fn split(&self) -> &str {
+        &self.split
+    }
+
+    /// The scenes of the split, ascending.
+    ///
+    /// # Errors
+    /// If the folder cannot be read.
+    pub fn scenes(&self) -> Result<Vec<u32>> {
+        numbered(&self.root.join(&self.split))
+    }
+
+    /// The images of a scene, ascending: those of its `scene_camera.json`.
+    ///
+    /// # Errors
+    /// If a JSON file of the scene is missing or wrong.
+    pub fn images(&self, scene_id: u32) -> Result<Vec<u32>> {
+        Ok(self.scene(scene_id)?.camera.keys().copied().collect())
+    }
+
+    /// What an evaluation asks for, from `test_targets_bop19.json`; `None` without that file.
+    ///
+    /// # Errors
+    /// If the file is wrong.
+    pub fn targets(&self) -> Result<Option<Vec<Target>>> {
+        optional(&self.root.join("test_targets_bop19.json"), &["target"])
+    }
+
+    /// Numbers of the models, ascending.
+    ///
+    /// # Errors
+    /// If there is no models folder.
+    pub fn model_ids(&self) -> Result<Vec<u32>> {
+        let folder = self.models_folder()?;
+        let mut ids: Vec<u32> = entries(&folder)?
+            .iter()
+            .filter_map(|name| name.strip_prefix("obj_")?.strip_suffix(".ply")?.parse().ok())
+            .collect();
+        ids.sort_unstable();
+        Ok(ids)
+    }
+
+    /// Sizes and symmetries of the models, from `models_info.json`.
+    ///
+    /// # Errors
+    /// If the file is missing, or an object in it is wrong: object, field, value.
+    pub fn models_info(&self) -> Result<BTreeMap<u32, ModelInfo>> {
+        let path = self.models_folder()?.join("models_info.json");
+        let file: ModelsFile = format::load(&path, &["object"])?;
+        file.iter()
+            .map(|(id, info)| match info.checked() {
+                Ok(info) => Ok((*id, info)),
+                Err(message) => Err(Error::invalid(&path, format!("object {id}, {message}"))),
+            })
+            .collect()
+    }
+
+    /// The model of an object, metres.
+    ///
+    /// # Errors
+    /// If its file or texture is missing or wrong.
+    pub fn load_model(&self, obj_id: u32) -> Result<Visual> {
+        mesh_io::load_ply(&self.models_folder()?.join(format!("obj_{obj_id:06}.ply")), MILLIMETRE)
+    }
+
+    /// One image with its truth.
+    ///
+    /// # Errors
+    /// If there is no such image, or one of its pictures or entries is missing or wrong: file, image, ground-truth index,
+    /// field and value.
+    pub fn frame(&self, scene_id: u32, im_id: u32) -> Result<BopFrame> {
+        let scene = self.scene(scene_id)?;
+        let folder = self.scene_folder(scene_id);
+        let path = folder.join("scene_camera.json");
+        let camera = scene.camera.get(&im_id).ok_or_else(|| {
+            Error::invalid(&path, format!("has no image {im_id}; it has {}", span(scene.camera.keys())))
+        })?;
+        let in_image = |message: String| Error::invalid(&path, format!("image {im_id}, {message}"));
+        if camera.depth_scale <= 0.0 {
+            return Err(in_image(format!("depth_scale = {}: must be positive", camera.depth_scale)));
+        }
+        let rgb_path = rgb_path(&folder, im_id)?;
+        let rgb = pictures::read_rgb(&rgb_path)?;
+        let size = [rgb.width() as usize, rgb.height() as usize];
+        let depth_path = folder.join(format!("depth/{im_id:06}.png"));
+        let depth = pictures::read_depth(&depth_path, camera.depth_scale)?;
+        same_size(&depth_path, [depth.width(), depth.height()], &rgb_path, size)?;
+        Ok(BopFrame {
+            scene_id,
+            im_id,
+            rgb,
+            depth,
+            intrinsics: intrinsics(camera, size).map_err(in_image)?,
+            world_from_camera: world_from_camera(camera).map_err(in_image)?,
+            ground_truths: ground_truths(&folder, &scene, im_id)?,
+        })
+    }
+
+    /// The silhouette of an instance within the image, also where others hide it; `None` where the data set has no such
+    /// picture.
+    ///
+    /// # Errors
+    /// If there is no such image or instance, or the picture is broken or of another size than the image.
+    pub fn mask(&self, scene_id: u32, im_id: u32, gt_index: usize) -> Result<Option<Image<bool>>> {
+        self.read_mask("mask", scene_id, im_id, gt_index)
+    }
+
+    /// The visible part of an instance; see [`mask`](Self::mask).
+    ///
+    /// # Errors
+    /// As [`mask`](Self::mask).
+    pub fn mask_visib(&self, scene_id: u32, im_id: u32, gt_index: usize) -> Result<Option<Image<bool>>> {
+        self.read_mask("mask_visib", scene_id, im_id, gt_index)
+    }
+
+    fn read_mask(&self, kind: &str, scene_id: u32, im_id: u32, index: usize) -> Result<Option<Image<bool>>> {
+        let scene = self.scene(scene_id)?;
+        let folder = self.scene_folder(scene_id);
+        let count = scene.gt.get(&im_id).map_or(0, Vec::len);
+        if index >= count {
+            let path = folder.join("scene_gt.json");
+            let message =
+                format!("image {im_id} has {count} ground truths, so there is none of index {index}");
+            return Err(Error::invalid(path, message));
+        }
+        let path = folder.join(format!("{kind}/{im_id:06}_{index:06}.png"));
+        if !path.exists() {
+            return Ok(None);
+        }
+        let mask = pictures::read_mask(&path)?;
+        let rgb = rgb_path(&folder, im_id)?;
+        let (width, height) = image::image_dimensions(&rgb)
+            .map_err(|error| Error::invalid(&rgb, format!("not a picture: {error}")))?;
+        same_size(&path, [mask.width(), mask.height()], &rgb, [width as usize, height as usize])?;
+        Ok(Some(mask))
+    }
+
+    fn scene_folder(&self, scene_id: u32) -> PathBuf {
+        self.root.join(&self.split).join(format!("{scene_id:06}"))
+    }
+
+    /// The scene's files, read the first time.
+    fn scene(&self, scene_id: u32) -> Result<Arc<SceneFiles>> {
+        let lock = || self.scenes.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(files) = lock().get(&scene_id) {
+            return Ok(Arc::clone(files));
+        }
+        let folder = self.scene_folder(scene_id);
+        let files = Arc::new(SceneFiles {
+            camera: format::load(&folder.join("scene_camera.json"), &["image"])?,
+            gt: optional(&folder.join("scene_gt.json"), &["image", "ground truth"])?.unwrap_or_default(),
+            info: optional(&folder.join("scene_gt_info.json"), &["image", "ground truth"])?,
+        });
+        lock().insert(scene_id, Arc::clone(&files));
+        Ok(files)
+    }
+
+    /// `models`, else the first `models_*` that is not `_eval`, else any.
+    fn models_folder(&self) -> Result<PathBuf> {
+        let mut names = folder_names(&self.root)?;
+        names.retain(|name| name == "models" || name.starts_with("models_"));
+        names.sort_by_key(|name| (name != "models", name.ends_with("_eval"), name.clone()));
+        names.first().map(|name| self.root.join(name)).ok_or_else(|| {
+            Error::invalid(
+                &self.root,
+                "has no folder models; unpack the set's models (SET_models.zip) into it",
+            )
+        })
+    }
+}
+
+fn ground_truths(folder: &Path, scene: &SceneFiles, im_id: u32) -> Result<Vec<GroundTruth>> {
+    let entries = scene.gt.get(&im_id).map_or(&[][..], Vec::as_slice);
+    let infos = scene.info.as_ref().map(|info| info.get(&im_id).map_or(&[][..], Vec::as_slice));
+    if let Some(infos) = infos
+        && infos.len() != entries.len()
+    {
+        let message = format!(
+            "image {im_id} has {} entries, but {} in scene_gt.json; make both files together",
+            infos.len(),
+            entries.len()
+        );
+        return Err(Error::invalid(folder.join("scene_gt_info.json"), message));
+    }
+    let one = |(index, entry): (usize, &GtEntry)| {
+        let iso = format::isometry(&entry.r_m2c, &entry.t_m2c).map_err(|reason| {
+            let message = format!("image {im_id}, ground truth {index}, cam_R_m2c = {reason}");
+            Error::invalid(folder.join("scene_gt.json"), message)
+        })?;
+        let info = infos.and_then(|infos| infos.get(index).copied());
+        Ok(GroundTruth { obj_id: entry.obj_id, camera_from_object: Pose::new(iso), info })
+    };
+    entries.iter().enumerate().map(one).collect()
+}
+
+fn intrinsics(camera: &CameraEntry, size: [usize; 2]) -> std::result::Result<Intrinsics, String> {
+    let [fx, skew, cx, zero, fy, cy, last @ ..] = camera.k;
+    if skew != 0.0 || zero != 0.0 || last != [0.0, 0.0, 1.0] {
+        return Err(format!(
+            "cam_K = {:?}: must be fx 0 cx, 0 fy cy, 0 0 1 row by row; skewed cameras are not supported",
+            camera.k
+        ));
+    }
+    let intrinsics = Intrinsics { width: size[0], height: size[1], fx, fy, cx, cy };
+    intrinsics.problem().map_or(Ok(intrinsics), |problem| Err(format!("cam_K: {problem}")))
+}
+
+fn world_from_camera(camera: &CameraEntry) -> std::result::Result<Option<Pose<World, Camera>>, String> {
+    match (&camera.r_w2c, &camera.t_w2c) {
+        (None, None) => Ok(None),
+        (Some(r), Some(t)) => {
+            let camera_from_world =
+                format::isometry(r, t).map_err(|reason| format!("cam_R_w2c = {reason}"))?;
+            Ok(Some(Pose::<Camera, World>::new(camera_from_world).inverse()))
+        }
+        (r, _) => {
+            let (has, lacks) = if r.is_some() { ("R", "t") } else { ("t", "R") };
+            Err(format!("cam_{lacks}_w2c is missing beside cam_{has}_w2c; give both or none"))
+        }
+    }
+}
+
+/// The colour or grey picture of an image, whichever the data set has.
+fn rgb_path(folder: &Path, im_id: u32) -> Result<PathBuf> {
+    let kinds = [("rgb", "png"), ("rgb", "jpg"), ("gray", "png"), ("gray", "jpg")];
+    let path = |(kind, ending): (&str, &str)| folder.join(format!("{kind}/{im_id:06}.{ending}"));
+    kinds.into_iter().map(path).find(|path| path.is_file()).ok_or_else(|| {
+        let message =
+            "no such file, nor a .jpg, nor one in gray/; unpack the set's images, or leave this image out";
+        Error::invalid(path(kinds[0]), message)
+    })
+}
+
+fn same_size(path: &Path, size: [usize; 2], other: &Path, wanted: [usize; 2]) -> Result<()> {
+    if size == wanted {
+        return Ok(());
+    }
+    let message = format!(
+        "is {}x{} pixels, but {} is {}x{}; all pictures of an image have one size",
+        size[0],
+        size[1],
+        other.display(),
+        wanted[0],
+        wanted[1]
+    );
+    Err(Error::invalid(path, message))
+}
+
+/// A JSON file that may be absent.
+fn optional<T: serde::de::DeserializeOwned>(path: &Path, levels: &[&str]) -> Result<Option<T>> {
+    if path.exists() { format::load(path, levels).map(Some) } else { Ok(None) }
+}
+
+/// `3 images from 1 to 9`.
+fn span<'a>(mut keys: impl ExactSizeIterator<Item = &'a u32> + DoubleEndedIterator) -> String {
+    let count = keys.len();
+    match (keys.next(), keys.next_back()) {
+        (Some(first), Some(last)) => format!("{count} images from {first} to {last}"),
+        (Some(only), None) => format!("image {only} alone"),
+        _ => "none".to_owned(),
+    }
+}
+
+/// Names of the files and folders in `folder`, sorted.
+fn entries(folder: &Path) -> Result<Vec<String>> {
+    let listing = std::fs::read_dir(folder).map_err(|source| Error::io(folder, source))?;
+    let mut names: Vec<String> =
+        listing.flatten().filter_map(|entry| entry.file_name().into_string().ok()).collect();
+    names.sort();
+    Ok(names)
+}
+
+fn folder_names(folder: &Path) -> Result<Vec<String>> {
+    let mut names = entries(folder)?;
+    names.retain(|name| !name.starts_with('.') && folder.join(name).is_dir());
+    Ok(names)
+}
+
+/// Six-digit folder names as numbers, ascending.
+fn numbered(folder: &Path) -> Result<Vec<u32>> {
+    let names = folder_names(folder)?.into_iter();
+    let digits = names.filter(|name| name.len() == 6 && name.bytes().all(|byte| byte.is_ascii_digit()));
+    Ok(digits.filter_map(|name| name.parse().ok()).collect())
+}
