@@ -9,7 +9,7 @@ use grip_perception::{
     ClusterSettings, Clusters, Detection, Detections, GripEstimator, GripSettings, Workspace,
 };
 use grip_sim::camera::Intrinsics;
-use grip_sim::condition::Condition;
+use grip_sim::condition::{Condition, ConditionSpec};
 use grip_sim::frame::CameraFrame;
 use grip_sim::images::LabelImage;
 use grip_sim::mesh::Visual;
@@ -52,7 +52,8 @@ impl Setup {
         };
         let scene = Scene::load(&path)?;
         let folder = path.parent().unwrap_or(Path::new("."));
-        let condition = load_condition(folder, &args.condition)?;
+        let condition = load_condition(folder, &args.condition)?
+            .draw(&mut grip_sim::rng::stream(args.seed, "condition"));
         let urdf = args.robot.clone().unwrap_or_else(|| folder.join(&scene.robot.urdf));
         let robot = Arc::new(RobotModel::load(&urdf, &args.package_path)?);
         let config = Arc::new(RobotConfig::load(&folder.join(&scene.robot.config), &robot)?);
@@ -256,13 +257,13 @@ pub fn library(ycb: Option<PathBuf>) -> Result<ObjectLibrary> {
 }
 
 /// A path to a file, or a name in the folder `conditions` beside the scene, else in the project's own.
-fn load_condition(folder: &Path, name: &str) -> Result<Condition> {
+pub fn load_condition(folder: &Path, name: &str) -> Result<ConditionSpec> {
     if name.ends_with(".toml") {
-        return Ok(Condition::load(Path::new(name))?);
+        return Ok(ConditionSpec::load(Path::new(name))?);
     }
     let beside = folder.join("conditions");
     let conditions = if beside.is_dir() { beside } else { assets::find("scenes/conditions")? };
-    Ok(Condition::load_named(&conditions, name)?)
+    Ok(ConditionSpec::load_named(&conditions, name)?)
 }
 
 fn start_configuration(scene: &Scene, robot: &RobotModel, config: &RobotConfig) -> Result<Vec<f64>> {

@@ -85,7 +85,7 @@ fn a_missing_scene_is_named() {
 fn an_unknown_condition_lists_those_there_are() {
     let output = grip(&["render", "--condition", "foggy", "--renderer", "cpu"]);
     assert_eq!(code(&output), 2);
-    assert_all(&stderr(&output), &["foggy", "base", "dark", "light-left", "light-right", "clutter"]);
+    assert_all(&stderr(&output), &["foggy", "base", "dark", "light-left", "light-right", "clutter-1"]);
 }
 
 #[test]

@@ -106,11 +106,11 @@ fn scenes_of_the_project_are_valid() {
     }
     assert!(scenes > 0);
     let conditions = root().join("scenes/conditions");
-    let names = grip_sim::condition::Condition::names(&conditions).unwrap();
-    for name in ["base", "dark", "light-left", "light-right", "clutter"] {
+    let names = grip_sim::condition::ConditionSpec::names(&conditions).unwrap();
+    for name in ["base", "dark", "light-left", "light-right", "clutter-1", "clutter-2", "clutter-3"] {
         assert!(names.iter().any(|n| n == name), "{name}");
     }
     for name in names {
-        grip_sim::condition::Condition::load_named(&conditions, &name).unwrap();
+        grip_sim::condition::ConditionSpec::load_named(&conditions, &name).unwrap();
     }
 }

@@ -6,7 +6,7 @@
 use std::path::Path;
 
 use grip_sim::camera::Intrinsics;
-use grip_sim::condition::Condition;
+use grip_sim::condition::ConditionSpec;
 use grip_sim::objects::{ObjectLibrary, ObjectSet};
 use grip_sim::pose::{Camera, Pose, World};
 use grip_sim::render::{Instance, RenderScene, RendererChoice, furniture, open};
@@ -60,7 +60,7 @@ fn camera() -> Pose<World, Camera> {
 }
 
 fn frame(bencher: divan::Bencher<'_, '_>, choice: RendererChoice, condition: &str) {
-    let condition = Condition::load_named(&root().join("scenes/conditions"), condition).unwrap();
+    let condition = ConditionSpec::load_named(&root().join("scenes/conditions"), condition).unwrap().draw(&mut grip_sim::rng::stream(1, "condition"));
     let mut renderer = match open(choice) {
         Ok(renderer) => renderer,
         Err(error) => return eprintln!("{error}"),

@@ -1,20 +1,36 @@
-//! Scripted conditions (`scenes/conditions/*.toml`): light, exposure and clutter as data.
+//! Scripted conditions (`scenes/conditions/*.toml`): light, exposure and clutter as data, in numbers or ranges of them.
 
 use std::path::Path;
 
+use nalgebra::Vector3;
+use rand::Rng;
 use serde::{Deserialize, Serialize};
 
 use crate::error::{Error, Result};
-use crate::render::Lighting;
+use crate::range::Range;
+use crate::render::{Light, Lighting};
 
 /// How objects are put on the table.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase", deny_unknown_fields)]
 pub enum Placement {
     /// Apart from each other.
+    #[default]
     Spread,
     /// Close together, leaning on and lying over each other.
-    Stacked,
+    Stacked(Stacked),
+}
+
+/// A heap.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Stacked {
+    /// Share of the region, in each direction, on which the heap is dropped: the smaller, the higher. Above 0, up to 1.
+    pub patch: f64,
+    /// Share of the objects that may lie that are dropped lying on a side, 0 to 1.
+    pub lying_fraction: f64,
+    /// Share of the objects that must touch another one in the end, 0 to 1.
+    pub touching: f64,
 }
 
 /// How far the colour camera may go to get a bright picture.
@@ -33,11 +49,24 @@ impl Default for ExposureLimits {
     }
 }
 
-/// One condition. Positions in it are in the world frame of a scene whose robot stands at the origin and looks along +x
-/// at a table about 0.75 m away.
+/// One condition, every number drawn. Positions in it are in the world frame of a scene whose robot stands at the origin
+/// and looks along +x at a table about 0.75 m away.
+#[derive(Debug, Clone, PartialEq, Default, Serialize)]
+pub struct Condition {
+    /// The file's name without `.toml`.
+    pub name: String,
+    /// How objects are put on the table.
+    pub placement: Placement,
+    /// The light in the room.
+    pub lighting: Lighting,
+    /// Limits of the colour camera.
+    pub exposure: ExposureLimits,
+}
+
+/// A condition as written in its file: numbers of the light may be ranges, from which each run draws its own.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Condition {
+pub struct ConditionSpec {
     /// The file's name without `.toml`.
     #[serde(default)]
     pub name: String,
@@ -47,13 +76,89 @@ pub struct Condition {
     /// How objects are put on the table.
     pub placement: Placement,
     /// The light in the room.
-    pub lighting: Lighting,
+    pub lighting: LightingSpec,
     /// Limits of the colour camera.
     #[serde(default)]
     pub exposure: ExposureLimits,
 }
 
-impl Condition {
+/// [`Lighting`] with ranges.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct LightingSpec {
+    /// See [`Lighting::ambient_lux`].
+    pub ambient_lux: Range,
+    /// See [`Lighting::ambient_color`].
+    #[serde(default = "white")]
+    pub ambient_color: [Range; 3],
+    /// See [`Lighting::lights`].
+    #[serde(default)]
+    pub lights: Vec<LightSpec>,
+}
+
+/// [`Light`] with ranges.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct LightSpec {
+    /// See [`Light::position`].
+    pub position: [Range; 3],
+    /// See [`Light::target`].
+    pub target: [Range; 3],
+    /// See [`Light::intensity_cd`].
+    pub intensity_cd: Range,
+    /// See [`Light::color`].
+    #[serde(default = "white")]
+    pub color: [Range; 3],
+    /// See [`Light::radius`].
+    #[serde(default = "point")]
+    pub radius: Range,
+    /// See [`Light::half_angle`].
+    #[serde(default = "everywhere")]
+    pub half_angle: Range,
+    /// See [`Light::shadows`].
+    #[serde(default = "yes")]
+    pub shadows: bool,
+}
+
+fn white() -> [Range; 3] {
+    [Range::exactly(1.0); 3]
+}
+
+fn point() -> Range {
+    Range::exactly(0.0)
+}
+
+fn everywhere() -> Range {
+    Range::exactly(std::f64::consts::PI)
+}
+
+fn yes() -> bool {
+    true
+}
+
+impl LightSpec {
+    fn resolve(&self, mut pick: impl FnMut(&Range) -> f64) -> Light {
+        let mut three = |ranges: &[Range; 3]| [0, 1, 2].map(|i: usize| pick(&ranges[i]));
+        Light {
+            position: Vector3::from(three(&self.position)),
+            target: Vector3::from(three(&self.target)),
+            color: three(&self.color),
+            intensity_cd: pick(&self.intensity_cd),
+            radius: pick(&self.radius),
+            half_angle: pick(&self.half_angle),
+            shadows: self.shadows,
+        }
+    }
+
+    fn ranges(&self) -> impl Iterator<Item = (&'static str, &Range)> {
+        let vectors = [("position", &self.position), ("target", &self.target), ("color", &self.color)];
+        let single =
+            [("intensity_cd", &self.intensity_cd), ("radius", &self.radius), ("half_angle", &self.half_angle)];
+        vectors.into_iter().flat_map(|(name, ranges)| ranges.iter().map(move |range| (name, range))).chain(single)
+    }
+}
+
+impl ConditionSpec {
     /// Reads a condition file.
     ///
     /// # Errors
@@ -75,7 +180,7 @@ impl Condition {
     /// Reads the condition called `name` in folder `dir`, for example `base` in `scenes/conditions`.
     ///
     /// # Errors
-    /// As [`Condition::load`]; an unknown name lists those present.
+    /// As [`ConditionSpec::load`]; an unknown name lists those present.
     pub fn load_named(dir: &Path, name: &str) -> Result<Self> {
         let known = Self::names(dir)?;
         if !known.iter().any(|k| k == name) {
@@ -103,10 +208,57 @@ impl Condition {
         Ok(names)
     }
 
+    /// The condition of one run.
+    pub fn draw(&self, rng: &mut impl Rng) -> Condition {
+        self.resolve(|range| range.draw(rng))
+    }
+
+    fn resolve(&self, mut pick: impl FnMut(&Range) -> f64) -> Condition {
+        let LightingSpec { ambient_lux, ambient_color, lights } = &self.lighting;
+        Condition {
+            name: self.name.clone(),
+            placement: self.placement,
+            lighting: Lighting {
+                ambient_lux: pick(ambient_lux),
+                ambient_color: [0, 1, 2].map(|i: usize| pick(&ambient_color[i])),
+                lights: lights.iter().map(|light| light.resolve(&mut pick)).collect(),
+            },
+            exposure: self.exposure,
+        }
+    }
+
     /// What is wrong with these numbers, if anything: field, value and range.
     pub fn problem(&self) -> Option<String> {
-        if let Some(problem) = self.lighting.problem() {
-            return Some(format!("lighting.{problem}"));
+        let LightingSpec { ambient_lux, ambient_color, lights } = &self.lighting;
+        let ambient = std::iter::once(("ambient_lux", ambient_lux))
+            .chain(ambient_color.iter().map(|range| ("ambient_color", range)));
+        for (field, range) in ambient {
+            if let Some(problem) = range.problem() {
+                return Some(format!("lighting.{field} = {problem}"));
+            }
+        }
+        for (i, light) in lights.iter().enumerate() {
+            for (field, range) in light.ranges() {
+                if let Some(problem) = range.problem() {
+                    return Some(format!("lighting.lights[{i}].{field} = {problem}"));
+                }
+            }
+        }
+        // Whatever is drawn lies between these two.
+        for end in [|range: &Range| range.min, |range: &Range| range.max] {
+            if let Some(problem) = self.resolve(end).lighting.problem() {
+                return Some(format!("lighting.{problem}"));
+            }
+        }
+        if let Placement::Stacked(Stacked { patch, lying_fraction, touching }) = self.placement {
+            if !(patch > 0.0 && patch <= 1.0) {
+                return Some(format!("placement.stacked.patch = {patch}: must be above 0 and at most 1"));
+            }
+            for (field, share) in [("lying_fraction", lying_fraction), ("touching", touching)] {
+                if !(0.0..=1.0).contains(&share) {
+                    return Some(format!("placement.stacked.{field} = {share}: must be 0 to 1"));
+                }
+            }
         }
         let ExposureLimits { max_time_s, max_gain } = self.exposure;
         if !(max_time_s.is_finite() && (1e-5..=10.0).contains(&max_time_s)) {
@@ -136,36 +288,53 @@ mod tests {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("odd.toml");
         std::fs::write(&path, text).unwrap();
-        let error = Condition::load(&path).unwrap_err().to_string();
+        let error = ConditionSpec::load(&path).unwrap_err().to_string();
         assert!(error.contains("odd.toml"), "{error}");
         error
     }
 
     #[test]
     fn shipped_conditions_load_and_survive_being_saved() {
-        let names = Condition::names(&shipped()).unwrap();
-        for name in ["base", "dark", "light-left", "light-right", "clutter"] {
+        let names = ConditionSpec::names(&shipped()).unwrap();
+        for name in ["base", "dark", "light-left", "light-right", "clutter-1", "clutter-2", "clutter-3"] {
             assert!(names.iter().any(|n| n == name), "{name} is missing");
         }
         for name in names {
-            let condition = Condition::load_named(&shipped(), &name).unwrap();
+            let condition = ConditionSpec::load_named(&shipped(), &name).unwrap();
             assert_eq!(condition.name, name);
             assert!(!condition.description.is_empty());
             let text = toml::to_string(&condition).unwrap();
-            assert_eq!(toml::from_str::<Condition>(&text).unwrap(), condition);
+            assert_eq!(toml::from_str::<ConditionSpec>(&text).unwrap(), condition);
         }
     }
 
     #[test]
     fn conditions_are_what_their_names_say() {
-        let load = |name| Condition::load_named(&shipped(), name).unwrap();
-        assert_eq!(load("clutter").placement, Placement::Stacked);
-        assert_eq!(load("clutter").lighting, load("base").lighting);
-        assert!(load("dark").lighting.lights.is_empty());
-        assert!((0.5..=3.0).contains(&load("dark").lighting.ambient_lux));
+        let load = |name| ConditionSpec::load_named(&shipped(), name).unwrap();
+        let base = load("base");
+        for name in ["clutter-1", "clutter-2", "clutter-3"] {
+            assert!(matches!(load(name).placement, Placement::Stacked(_)));
+            assert_eq!(load(name).lighting, base.lighting, "{name}");
+        }
+        let dark = load("dark").lighting;
+        assert!(dark.lights.is_empty() && dark.ambient_lux.min > 0.1 && dark.ambient_lux.max < 5.0);
         // The robot looks along +x, so its left is +y.
-        assert!(load("light-left").lighting.lights[0].position.y > 0.5);
-        assert!(load("light-right").lighting.lights[0].position.y < -0.5);
+        assert!(load("light-left").lighting.lights[0].position[1].min > 0.5);
+        assert!(load("light-right").lighting.lights[0].position[1].max < -0.5);
+    }
+
+    #[test]
+    fn each_seed_draws_its_own_light_from_the_ranges() {
+        let spec = ConditionSpec::load_named(&shipped(), "base").unwrap();
+        let draw = |seed| spec.draw(&mut crate::rng::stream(seed, "condition"));
+        assert_eq!(draw(1), draw(1));
+        assert_ne!(draw(1).lighting, draw(2).lighting);
+        for seed in 0..100 {
+            let lighting = draw(seed).lighting;
+            assert_eq!(lighting.problem(), None);
+            let range = spec.lighting.ambient_lux;
+            assert!((range.min..=range.max).contains(&lighting.ambient_lux));
+        }
     }
 
     #[test]
@@ -180,6 +349,10 @@ mod tests {
         assert!(light("intensity_cd = 3.0\nhalf_angle = 9.0").contains("half_angle = 9"));
         assert!(light("intensity_cd = 3.0\ncolour = [1, 1, 1]").contains("colour"));
         assert!(error_of("placement = \"spread\"\n[lighting]\nambient_lux = nan").contains("ambient_lux"));
+        assert!(light("intensity_cd = { min = 5.0, max = 3.0 }").contains("lights[0].intensity_cd = { min = 5, max = 3 }"));
+        assert!(light("intensity_cd = { min = -5.0, max = 3.0 }").contains("lights[0].intensity_cd = -5"));
+        let stacked = "placement = { stacked = { patch = 0.0, lying_fraction = 0.5, touching = 0.5 } }\n[lighting]\nambient_lux = 1";
+        assert!(error_of(stacked).contains("stacked.patch = 0"));
         assert!(error_of("placement = \"heaped\"\n[lighting]\nambient_lux = 1").contains("heaped"));
         assert!(
             error_of(&format!("{good}[exposure]\nmax_time_s = 0\nmax_gain = 2")).contains("max_time_s = 0")
@@ -192,8 +365,8 @@ mod tests {
 
     #[test]
     fn an_unknown_name_lists_those_present() {
-        let error = Condition::load_named(&shipped(), "foggy").unwrap_err().to_string();
+        let error = ConditionSpec::load_named(&shipped(), "foggy").unwrap_err().to_string();
         assert!(error.contains("foggy") && error.contains("light-left"), "{error}");
-        assert!(Condition::load_named(Path::new("/nowhere"), "base").is_err());
+        assert!(ConditionSpec::load_named(Path::new("/nowhere"), "base").is_err());
     }
 }

@@ -7,6 +7,7 @@
 //! | [`objects`] | the 21 YCB-Video objects, built in or scanned |
 //! | [`robot`] | the robot model read from a URDF, and its kinematics |
 //! | [`scene`] | scene files: table, bin, robot placement, objects |
+//! | [`range`] | numbers in files that may be ranges to draw from |
 //! | [`camera`], [`images`], [`frame`] | pinhole cameras, image types, and the frame that perception gets |
 //! | [`bop`] | data sets in the format of the BOP challenge, read and written |
 //! | [`convert`] | our geometry as parry's and rapier's |
@@ -27,6 +28,7 @@ pub mod objects;
 #[cfg(feature = "physics")]
 pub mod physics;
 pub mod pose;
+pub mod range;
 pub mod render;
 pub mod rng;
 pub mod robot;

@@ -40,8 +40,8 @@ fn render(
             label: *label,
         })
         .collect();
-    let lighting = Lighting { ambient_lux: 500.0, lights: vec![] };
-    CpuRenderer::new().render(&RenderScene { instances }, &lighting, k, eye).unwrap()
+    let lighting = Lighting { ambient_lux: 500.0, ..Lighting::default() };
+    CpuRenderer::new().render(&RenderScene { instances, bounce: None }, &lighting, k, eye).unwrap()
 }
 
 fn mask(rendering: &Rendering, label: u16) -> Image<bool> {

@@ -7,7 +7,7 @@ use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
 use super::world::World;
-use crate::condition::Placement;
+use crate::condition::{Placement, Stacked};
 use crate::error::{Error, Result};
 use crate::objects::ObjectModel;
 use crate::pose::Pose;
@@ -56,7 +56,7 @@ pub fn drop_objects(
         let mut world = fresh()?;
         let laid_out = match placement {
             Placement::Spread => spread(&mut world, scene, models, &mut random)?,
-            Placement::Stacked => stack(&mut world, scene, models, &mut random)?,
+            Placement::Stacked(heap) => stack(&mut world, scene, models, heap, &mut random)?,
         };
         let outcome = laid_out.and_then(|()| {
             let settled = world.settle(SETTLE_S);
@@ -67,8 +67,11 @@ pub fn drop_objects(
                 let name = &world.object(i).info.name;
                 return Err(format!("{name} still moves at {:.1} mm/s after {SETTLE_S} s", speed * 1e3));
             }
-            let touching = if placement == Placement::Spread { touching(&world) } else { None };
-            astray(&world, scene).or(touching).map_or(Ok(settled.seconds), Err)
+            let wrong = match placement {
+                Placement::Spread => touching(&world),
+                Placement::Stacked(heap) => too_loose(&world, heap.touching),
+            };
+            astray(&world, scene).or(wrong).map_or(Ok(settled.seconds), Err)
         });
         match outcome {
             Ok(settle_s) => {
@@ -107,6 +110,14 @@ fn touching(world: &World) -> Option<String> {
         let &other = world.contacts(i).objects.first()?;
         Some(format!("{} rolled against {}", world.object(i).info.name, world.object(other).info.name))
     })
+}
+
+/// What is wrong with a heap in which fewer objects touch another one than `share` of them.
+fn too_loose(world: &World, share: f64) -> Option<String> {
+    let count = world.object_count();
+    let touching = (0..count).filter(|&i| !world.contacts(i).objects.is_empty()).count();
+    ((touching as f64) < share * count as f64)
+        .then(|| format!("only {touching} of {count} objects touch another one"))
 }
 
 fn inside(table: &Table, x: f64, y: f64, edge: f64) -> bool {
@@ -210,10 +221,9 @@ fn stack(
     world: &mut World,
     scene: &Scene,
     models: &[Arc<ObjectModel>],
+    heap: Stacked,
     random: &mut ChaCha8Rng,
 ) -> Result<LaidOut> {
-    /// Share of the region on which the heap is dropped.
-    const PATCH: f64 = 0.55;
     /// Time given to each object to fall on the heap before the next one follows, seconds.
     const FALL_S: f64 = 1.0;
     let region = &scene.objects;
@@ -223,13 +233,13 @@ fn stack(
             world.add_object(model.clone(), &placed.pose)?;
             continue;
         }
-        let rotation = orientation(model, 0.5, random);
+        let rotation = orientation(model, heap.lying_fraction, random);
         let (below, _) = reach(model, &rotation);
-        let at = somewhere(region, PATCH, random);
-        let heap = (0..world.object_count())
+        let at = somewhere(region, heap.patch, random);
+        let top = (0..world.object_count())
             .map(|i| world.truth(i).translation().z + world.object(i).diameter / 2.0)
             .fold(scene.table.height, f64::max);
-        let pose = Isometry3::from_parts(Translation3::new(at[0], at[1], heap + below + DROP_M), rotation);
+        let pose = Isometry3::from_parts(Translation3::new(at[0], at[1], top + below + DROP_M), rotation);
         world.add_object(model.clone(), &Pose::new(pose))?;
         world.settle(FALL_S);
     }

@@ -180,7 +180,6 @@ fn blurred_row(radiance: &RadianceImage, v: usize, spread: f32) -> Vec<[f32; 3]>
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::condition::Placement;
     use crate::images::Image;
     use crate::render::Light;
     use crate::rng;
@@ -231,11 +230,9 @@ mod tests {
     fn the_dark_is_dim_and_noisy_but_not_black() {
         let sensor = ColorSensor::default();
         let condition = |ambient_lux, max_gain| Condition {
-            name: String::new(),
-            description: String::new(),
-            placement: Placement::Spread,
             lighting: Lighting { ambient_lux, ..Lighting::default() },
             exposure: limits(0.033, max_gain),
+            ..Condition::default()
         };
         let statistics = |lux: f64| {
             // A card that reflects 40 %.
