@@ -23,6 +23,8 @@ pub enum Command {
     Pack(PackArgs),
     /// Draw what the head camera sees of a scene.
     Render(RenderArgs),
+    /// Make a BOP data set of the scene: the paper's adversarial set, or training data.
+    Scenes(ScenesArgs),
     /// List the objects and the set that is in use.
     Objects(ObjectsArgs),
     /// Show the robot: what was loaded, joints, limits.
@@ -37,9 +39,6 @@ pub struct SceneArgs {
     /// Seed of everything random in the run.
     #[arg(long, default_value_t = 1)]
     pub seed: u64,
-    /// Condition by name, from the folder `conditions` beside the scene file, or a path to a .toml file.
-    #[arg(long, default_value = "base")]
-    pub condition: String,
     /// Who draws: `auto` takes wgpu where a graphics adapter exists, else the CPU.
     #[arg(long, value_enum, default_value_t = Renderer::Auto)]
     pub renderer: Renderer,
@@ -59,6 +58,9 @@ pub struct SceneArgs {
 pub struct PackArgs {
     #[command(flatten)]
     pub scene: SceneArgs,
+    /// Condition by name, from the folder `conditions` beside the scene file, or a path to a .toml file.
+    #[arg(long, default_value = "base")]
+    pub condition: String,
     /// Who estimates poses; `truth` reads them from the simulator, for ceilings, and is marked in every output.
     #[arg(long, value_enum, default_value_t = Estimator::Grip)]
     pub estimator: Estimator,
@@ -82,9 +84,77 @@ pub struct PackArgs {
 pub struct RenderArgs {
     #[command(flatten)]
     pub scene: SceneArgs,
+    /// Condition by name, from the folder `conditions` beside the scene file, or a path to a .toml file.
+    #[arg(long, default_value = "base")]
+    pub condition: String,
     /// Folder for the pictures.
     #[arg(long, value_name = "DIR", default_value = "runs/render")]
     pub out: PathBuf,
+}
+
+/// `grip scenes`.
+#[derive(Debug, Args)]
+#[command(mut_arg("scene", |arg| arg.help("Scene file [default: scenes/adversarial.toml]")))]
+pub struct ScenesArgs {
+    #[command(flatten)]
+    pub scene: SceneArgs,
+    /// Folder of the data set; one that is unfinished is gone on with by --resume.
+    #[arg(long, value_name = "DIR", default_value = "runs/scenes")]
+    pub out: PathBuf,
+    /// How many scenes: each with its own objects, surroundings and light.
+    #[arg(long, value_name = "N", default_value_t = 40, value_parser = clap::value_parser!(u32).range(1..=999_999))]
+    pub scenes: u32,
+    /// Objects to draw from, by name, separated by commas [default: the scene's].
+    #[arg(long, value_name = "LIST", value_delimiter = ',')]
+    pub objects: Vec<String>,
+    /// Frames of each scene: B, D, D1, D2, O1, O2, O3 of the paper (base, dark, light-left, light-right, clutter-1 to
+    /// clutter-3), or NAME=CONDITION. Frames whose condition spreads the objects show the same poses.
+    #[arg(long, value_name = "LIST", value_delimiter = ',', default_value = "B,D,D1,D2,O1,O2,O3")]
+    pub views: Vec<String>,
+    /// Where the camera is: the robot's head, or anywhere on the scene's `camera.sphere`, anew for each frame.
+    #[arg(long, value_enum, default_value_t = CameraPlace::Head)]
+    pub camera: CameraPlace,
+    /// Depth noise preset in place of the scene's: none, nguyen, handa, redwood, carmine-109, carmine-109-near.
+    #[arg(long, value_name = "PRESET")]
+    pub depth_noise: Option<String>,
+    /// Lens distortion by OpenCV's coefficients k1,k2,p1,p2,k3; pictures, masks and depth are all distorted.
+    #[arg(long, value_name = "K1,K2,P1,P2,K3", value_delimiter = ',', num_args = 1, allow_hyphen_values = true)]
+    pub distortion: Vec<f64>,
+    /// Name of the split's folder.
+    #[arg(long, value_name = "NAME", default_value = "test")]
+    pub split: String,
+    /// Format of the data set.
+    #[arg(long, value_enum, default_value_t = Format::Bop)]
+    pub format: Format,
+    /// Keep the scenes that are there already and make the rest.
+    #[arg(long)]
+    pub resume: bool,
+    /// Scenes made at a time [default: one a core]; the files do not depend on it.
+    #[arg(long, value_name = "J", value_parser = clap::value_parser!(u32).range(1..=256))]
+    pub jobs: Option<u32>,
+    /// Write preview.png, a contact sheet, too; for a BOP set that is whole already, ours or not, write only that.
+    #[arg(long)]
+    pub preview: bool,
+    /// Print a summary as one JSON object on stdout.
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// Where the camera of a data set is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum, serde::Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum CameraPlace {
+    /// The robot's head, looking at the scene's `look_at`.
+    Head,
+    /// On a sphere about the objects.
+    Sphere,
+}
+
+/// Formats of data sets.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum Format {
+    /// BOP, with COCO annotations.
+    Bop,
 }
 
 /// `grip objects`.

@@ -5,6 +5,7 @@
 mod assets;
 mod cli;
 mod commands;
+mod dataset;
 mod outcome;
 mod output;
 mod pictures;

@@ -2,6 +2,7 @@
 
 use anyhow::{Context, Result};
 use grip_sim::images::{DepthImage, LabelImage, RgbImage};
+use noto_sans_mono_bitmap::{FontWeight, RasterHeight, get_raster};
 use image::{ExtendedColorType, ImageEncoder, codecs::png::PngEncoder};
 
 /// Depth is drawn over this range, metres: what a head camera sees of a table.
@@ -101,6 +102,23 @@ pub fn sheet(pictures: &[RgbImage], columns: u32) -> RgbImage {
         image::imageops::overlay(&mut sheet, picture, i64::from(x), i64::from(y));
     }
     sheet
+}
+
+/// Writes a line of text in the top left corner, white on black; characters beyond ASCII are left out.
+pub fn write_text(picture: &mut RgbImage, text: &str) {
+    const HEIGHT: RasterHeight = RasterHeight::Size16;
+    let mut left = 0;
+    for letter in text.chars() {
+        let Some(raster) = get_raster(letter, FontWeight::Regular, HEIGHT) else { continue };
+        for (y, row) in (0..).zip(raster.raster()) {
+            for (x, &value) in (left..).zip(row.iter()) {
+                if x < picture.width() && y < picture.height() {
+                    picture.put_pixel(x, y, image::Rgb([value; 3]));
+                }
+            }
+        }
+        left += raster.width() as u32;
+    }
 }
 
 fn encode(bytes: &[u8], width: u32, height: u32, kind: ExtendedColorType) -> Result<Vec<u8>> {

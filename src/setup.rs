@@ -40,19 +40,31 @@ pub struct Setup {
     /// Start configuration: the scene's pose and torso, the head looking at the scene's point.
     pub start: Vec<f64>,
     pub seed: u64,
+    /// The folder of the scene file.
+    pub folder: PathBuf,
     furniture: Vec<(Isometry3<f64>, Arc<Visual>)>,
 }
 
 impl Setup {
-    /// Reads all files that `args` names.
-    pub fn load(args: &SceneArgs) -> Result<Self> {
+    /// Reads all files that `args` names, and draws the run's objects and light from the seed.
+    pub fn load(args: &SceneArgs, condition: &str) -> Result<Self> {
+        let mut setup = Self::open(args, "scenes/grocery.toml", condition)?;
+        let drawn = setup.scene.objects.draw(setup.seed);
+        setup.models = drawn.iter().map(|&i| setup.models[i].clone()).collect();
+        setup.scene.objects.names = drawn.iter().map(|&i| setup.scene.objects.names[i].clone()).collect();
+        setup.scene.objects.count = None;
+        Ok(setup)
+    }
+
+    /// Reads all files that `args` names, with all objects of the scene, which is `default` where none is named.
+    pub fn open(args: &SceneArgs, default: &str, condition: &str) -> Result<Self> {
         let path = match &args.scene {
             Some(path) => path.clone(),
-            None => assets::find("scenes/grocery.toml")?,
+            None => assets::find(default)?,
         };
         let scene = Scene::load(&path)?;
         let folder = path.parent().unwrap_or(Path::new("."));
-        let condition = load_condition(folder, &args.condition)?
+        let condition = load_condition(folder, condition)?
             .draw(&mut grip_sim::rng::stream(args.seed, "condition"));
         let urdf = args.robot.clone().unwrap_or_else(|| folder.join(&scene.robot.urdf));
         let robot = Arc::new(RobotModel::load(&urdf, &args.package_path)?);
@@ -80,6 +92,7 @@ impl Setup {
             depth_noise,
             start,
             seed: args.seed,
+            folder: folder.to_path_buf(),
             furniture,
         })
     }

@@ -6,11 +6,15 @@
 use std::path::{Path, PathBuf};
 
 use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
+use rand::{Rng, RngExt};
+use rand::seq::index;
 use serde::{Deserialize, Serialize};
 
 use crate::camera::Intrinsics;
 use crate::error::{Error, Result};
-use crate::pose::{Base, Object, Pose, World};
+use crate::pose::{Base, Camera, Object, Pose, World};
+use crate::range::Range;
+use crate::rng;
 use crate::shape::{CollisionShape, Convex};
 
 /// The version this program reads and writes.
@@ -65,6 +69,69 @@ pub struct CameraSetup {
     pub intrinsics: IntrinsicsPreset,
     /// Depth noise preset, such as `carmine-109` or `none`.
     pub depth_noise: String,
+    /// Where a camera on a sphere stands, for training data.
+    #[serde(default)]
+    pub sphere: Sphere,
+}
+
+/// A camera that looks from anywhere around at the middle of the objects' region.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Sphere {
+    /// From that point, metres.
+    pub distance: Range,
+    /// Above the horizon, radians.
+    pub elevation: Range,
+    /// About the vertical from the world's -x axis, radians: 0 stands where the robot stands.
+    pub azimuth: Range,
+    /// How far off that point it looks, along each axis, metres.
+    pub aim: Range,
+}
+
+impl Default for Sphere {
+    fn default() -> Self {
+        use std::f64::consts::PI;
+        Self {
+            distance: Range { min: 0.5, max: 1.1 },
+            elevation: Range { min: 0.45, max: 1.35 },
+            azimuth: Range { min: -PI, max: PI },
+            aim: Range { min: -0.06, max: 0.06 },
+        }
+    }
+}
+
+impl Sphere {
+    fn problem(&self) -> Option<String> {
+        let limits = [
+            ("distance", self.distance, 0.1, 10.0),
+            // From straight above the picture's up is not defined.
+            ("elevation", self.elevation, -1.5, 1.5),
+            ("azimuth", self.azimuth, -7.0, 7.0),
+            ("aim", self.aim, -5.0, 5.0),
+        ];
+        limits.into_iter().find_map(|(field, range, low, high)| {
+            let problem = range.problem().or_else(|| {
+                (range.min < low || range.max > high)
+                    .then(|| format!("{{ min = {}, max = {} }}: must be from {low} to {high}", range.min, range.max))
+            })?;
+            Some(format!("camera.sphere.{field} = {problem}"))
+        })
+    }
+
+    /// World from camera, looking at `center`, upright.
+    pub fn draw(&self, center: &Point3<f64>, random: &mut impl Rng) -> Pose<World, Camera> {
+        let [distance, elevation, azimuth] =
+            [self.distance, self.elevation, self.azimuth].map(|range| range.draw(random));
+        let target = center + Vector3::from([0, 1, 2].map(|_: usize| self.aim.draw(random)));
+        let away = Vector3::new(
+            -elevation.cos() * azimuth.cos(),
+            -elevation.cos() * azimuth.sin(),
+            elevation.sin(),
+        );
+        // The optical frame: z towards the target, y down.
+        let rotation = UnitQuaternion::face_towards(&-away, &-Vector3::z());
+        Pose::new(Isometry3::from_parts((target + away * distance).coords.into(), rotation))
+    }
 }
 
 /// Named intrinsics.
@@ -141,6 +208,9 @@ pub struct Bin {
 pub struct ObjectPlacement {
     /// Objects by YCB name; each at most once.
     pub names: Vec<String>,
+    /// How many of them a run draws from its seed; all of them, in this order, unless given.
+    #[serde(default)]
+    pub count: Option<Count>,
     /// Centre of the region on the table where objects are dropped, metres.
     pub center: [f64; 2],
     /// Extents of that region along x and y, metres.
@@ -153,6 +223,27 @@ pub struct ObjectPlacement {
     /// Objects at fixed places, by name; they are not dropped at random. They settle as well.
     #[serde(default)]
     pub placed: Vec<PlacedObject>,
+}
+
+/// A number of objects, drawn evenly from `min` to `max`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Count {
+    /// At least so many.
+    pub min: usize,
+    /// At most so many.
+    pub max: usize,
+}
+
+impl ObjectPlacement {
+    /// The positions in `names` of the objects of a run with `seed`, in the order in which they are put down.
+    pub fn draw(&self, seed: u64) -> Vec<usize> {
+        let all = self.names.len();
+        let Some(Count { min, max }) = self.count else { return (0..all).collect() };
+        let mut random = rng::stream(seed, "objects");
+        let count = random.random_range(min..=max);
+        index::sample(&mut random, all, count).into_vec()
+    }
 }
 
 /// An object at a place of its own.
@@ -195,6 +286,9 @@ impl Scene {
         each("robot.yaw", &[robot.yaw], -7.0, 7.0)?;
         each("robot.torso", &[robot.torso], 0.0, 1.0)?;
         each("robot.look_at", &robot.look_at, -10.0, 10.0)?;
+        if let Some(problem) = self.camera.sphere.problem() {
+            return Err(problem);
+        }
         each("table.center", &table.center, -10.0, 10.0)?;
         each("table.size", &table.size, 0.1, 5.0)?;
         each("table.height", &[table.height], 0.05, 2.0)?;
@@ -213,6 +307,14 @@ impl Scene {
         each("objects.lying_fraction", &[objects.lying_fraction], 0.0, 1.0)?;
         if objects.names.is_empty() {
             return Err("objects.names = []: name at least one object (see `grip objects`)".into());
+        }
+        if let Some(Count { min, max }) = objects.count
+            && !(1 <= min && min <= max && max <= objects.names.len())
+        {
+            return Err(format!(
+                "objects.count = {{ min = {min}, max = {max} }}: must be 1 <= min <= max <= {}, the number of names",
+                objects.names.len()
+            ));
         }
         for (i, name) in objects.names.iter().enumerate() {
             if objects.names[..i].contains(name) {
@@ -483,6 +585,46 @@ gap = 0.03
         assert!(unknown.contains("friktion"), "{unknown}");
         let over = message(|t| t.replace("center = [0.7, 0.0]", "center = [1.1, 0.0]"));
         assert!(over.contains("over the table's edge"), "{over}");
+    }
+
+    #[test]
+    fn a_camera_on_the_sphere_looks_at_the_objects() {
+        let center = Point3::new(0.6, 0.1, 0.7);
+        let sphere = Sphere { aim: Range::exactly(0.0), ..Sphere::default() };
+        for seed in 0..50 {
+            let camera = sphere.draw(&center, &mut rng::stream(seed, "camera"));
+            let seen = camera.inverse().transform_point(&center);
+            assert!(seen.x.abs() < 1e-9 && seen.y.abs() < 1e-9 && (0.5..=1.1).contains(&seen.z), "{seen}");
+            // Upright: what is higher in the world is higher in the picture, and the x axis is level.
+            assert!(camera.inverse().transform_vector(&Vector3::z()).y < 0.0);
+            assert!(camera.transform_vector(&Vector3::x()).z.abs() < 1e-9);
+            assert!(camera.translation().z > 0.7);
+        }
+        let at_robot = Sphere { azimuth: Range::exactly(0.0), ..sphere };
+        assert!(at_robot.draw(&center, &mut rng::stream(1, "camera")).translation().x < 0.6);
+    }
+
+    #[test]
+    fn a_count_draws_that_many_different_objects() {
+        let ten = (0..10).map(|i| format!("\"{i}\"")).collect::<Vec<_>>().join(", ");
+        let with = |count: &str| {
+            let scene = text(|t| t.replace("names = [\"005_tomato_soup_can\"]", &format!("names = [{ten}]\n{count}")));
+            toml::from_str::<Scene>(&scene).unwrap()
+        };
+        assert_eq!(with("").objects.draw(3), (0..10).collect::<Vec<_>>());
+        let scene = with("count = { min = 5, max = 7 }");
+        let mut sizes = std::collections::BTreeSet::new();
+        for seed in 0..60 {
+            let mut drawn = scene.objects.draw(seed);
+            assert_eq!(drawn, scene.objects.draw(seed));
+            sizes.insert(drawn.len());
+            drawn.sort_unstable();
+            drawn.dedup();
+            assert!(sizes.contains(&drawn.len()) && drawn.iter().all(|&i| i < 10));
+        }
+        assert_eq!(sizes.into_iter().collect::<Vec<_>>(), [5, 6, 7]);
+        let error = message(|t| t.replace("gap = 0.03", "gap = 0.03\ncount = { min = 2, max = 3 }"));
+        assert!(error.contains("objects.count = { min = 2, max = 3 }"), "{error}");
     }
 
     #[test]

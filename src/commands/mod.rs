@@ -4,6 +4,7 @@ mod objects;
 mod pack;
 mod render;
 mod robot;
+mod scenes;
 
 use std::process::ExitCode;
 
@@ -33,6 +34,7 @@ pub fn run(cli: Cli) -> anyhow::Result<Done> {
     match cli.command {
         Command::Pack(args) => pack::run(&args),
         Command::Render(args) => render::run(&args),
+        Command::Scenes(args) => scenes::run(&args),
         Command::Objects(args) => objects::run(&args),
         Command::Robot(args) => robot::run(&args),
     }

@@ -20,7 +20,7 @@ use crate::{output, pictures, report};
 pub fn run(args: &PackArgs) -> Result<Done> {
     // What a full disk or a wrong --out would spoil is found out before the work, not after it.
     let named = args.out.as_deref().map(RunDir::begin).transpose()?;
-    let setup = Setup::load(&args.scene)?;
+    let setup = Setup::load(&args.scene, &args.condition)?;
     let run = match named {
         Some(run) => run,
         None => RunDir::begin(&default_folder(args, &setup))?,

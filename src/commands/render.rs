@@ -39,7 +39,7 @@ struct Label<'a> {
 /// Draws a scene and writes the pictures.
 pub fn run(args: &RenderArgs) -> Result<Done> {
     let run = RunDir::begin(&args.out)?;
-    let setup = Setup::load(&args.scene)?;
+    let setup = Setup::load(&args.scene, &args.condition)?;
     let mut renderer = render::open(args.scene.renderer.into())?;
     let (world, _) = setup.drop_objects()?;
     let (frame, rendering) = setup.capture(&world, renderer.as_mut(), 0)?;

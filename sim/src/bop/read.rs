@@ -203,6 +203,14 @@ impl Dataset {
         })
     }
 
+    /// The truth about one image, without its pictures.
+    ///
+    /// # Errors
+    /// If there is no such image, or one of its entries is wrong.
+    pub fn ground_truths(&self, scene_id: u32, im_id: u32) -> Result<Vec<GroundTruth>> {
+        ground_truths(&self.scene_folder(scene_id), &*self.scene(scene_id)?, im_id)
+    }
+
     /// The silhouette of an instance within the image, also where others hide it; `None` where the data set has no such
     /// picture.
     ///

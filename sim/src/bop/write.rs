@@ -241,6 +241,14 @@ impl SceneWriter {
         files.iter().try_for_each(|(name, bytes)| self.staging.write(name, bytes))
     }
 
+    /// Writes a file that BOP does not know into the scene's folder.
+    ///
+    /// # Errors
+    /// If it cannot be written.
+    pub fn add_file(&self, name: &str, bytes: &[u8]) -> Result<()> {
+        self.staging.write(name, bytes)
+    }
+
     /// Writes the JSON files and puts the scene in its place, which it returns.
     ///
     /// # Errors

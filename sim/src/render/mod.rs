@@ -10,6 +10,7 @@ mod furniture;
 mod occlusion;
 mod pyramid;
 mod shading;
+mod silhouette;
 pub(crate) mod srgb;
 pub mod textures;
 pub mod wgpu;
@@ -27,6 +28,7 @@ use crate::pose::{Camera, Pose, World};
 
 pub use self::furniture::furniture;
 pub use self::shading::MAX_LIGHTS;
+pub use self::silhouette::{Silhouette, silhouette};
 
 /// Nothing nearer to the camera than this along its axis is drawn, metres: the camera looks out through its own housing.
 pub const NEAR: f64 = 0.02;

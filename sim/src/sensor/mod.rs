@@ -33,13 +33,25 @@ pub fn capture(
     rng: &mut ChaCha8Rng,
 ) -> Result<(CameraFrame, Rendering)> {
     let rendering = renderer.render(scene, &condition.lighting, intrinsics, world_from_camera)?;
-    let frame = CameraFrame {
+    let frame = sense(&rendering, condition, intrinsics, world_from_camera, noise, rng);
+    Ok((frame, rendering))
+}
+
+/// Passes what a renderer saw in the light of `condition` through both sensors.
+pub fn sense(
+    rendering: &Rendering,
+    condition: &Condition,
+    intrinsics: &Intrinsics,
+    world_from_camera: &Pose<World, Camera>,
+    noise: &DepthNoise,
+    rng: &mut ChaCha8Rng,
+) -> CameraFrame {
+    CameraFrame {
         rgb: ColorSensor::default().expose(&rendering.radiance, condition, rng),
-        depth: noise.apply(&rendering, intrinsics, rng),
+        depth: noise.apply(rendering, intrinsics, rng),
         intrinsics: *intrinsics,
         world_from_camera: *world_from_camera,
-    };
-    Ok((frame, rendering))
+    }
 }
 
 /// Random streams for the rows of one image, so that rows can be worked on in any order and on any number of threads.

@@ -1,0 +1,137 @@
+//! Data sets: many scenes, each seen in several frames, written as BOP (`grip scenes`).
+//!
+//! Every scene depends on the seed and its own number alone, so scenes are made in any order by any number of workers, and
+//! made again by nobody: a scene's folder appears whole or not at all.
+
+mod plan;
+pub mod preview;
+mod scene;
+
+use std::collections::BTreeMap;
+use std::path::Path;
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
+use std::time::Instant;
+
+use anyhow::{Context, Result};
+use grip_sim::bop::{self, Dataset, Target};
+use grip_sim::render::{self, RendererChoice};
+use indicatif::ProgressBar;
+
+pub use self::plan::{Plan, View};
+pub use self::scene::Timings;
+use crate::setup::Setup;
+
+/// Objects that are seen less than this share are no targets (BOP's rule).
+const TARGET_VISIBLE: f64 = 0.1;
+
+/// What became of a run of `grip scenes`.
+#[derive(Debug, Default)]
+pub struct Made {
+    /// Scenes made now.
+    pub scenes: u32,
+    /// Scenes found from an earlier run.
+    pub kept: u32,
+    /// Layouts thrown away, all scenes together.
+    pub rejected: usize,
+    /// Where the time went, all workers together.
+    pub timings: Timings,
+}
+
+/// Makes the scenes that `out` lacks, on `jobs` threads, then the files of the whole set.
+///
+/// # Errors
+/// When a scene cannot be made or written; scenes that are whole by then stay.
+pub fn make(
+    setup: &Setup,
+    plan: &Plan,
+    out: &Path,
+    jobs: u32,
+    renderer: RendererChoice,
+    progress: &ProgressBar,
+) -> Result<Made> {
+    let split = out.join(&plan.split);
+    std::fs::create_dir_all(&split)
+        .with_context(|| format!("{}: cannot make the folder; check permissions or choose another --out", split.display()))?;
+    for folder in [out, &split] {
+        sweep(folder).with_context(|| format!("{}: cannot remove what a killed run has left", folder.display()))?;
+    }
+    let missing: Vec<u32> = (1..=plan.scenes).filter(|i| !split.join(format!("{i:06}")).exists()).collect();
+    let kept = plan.scenes - missing.len() as u32;
+    progress.set_length(u64::from(plan.scenes) * plan.views.len() as u64);
+    progress.set_position(u64::from(kept) * plan.views.len() as u64);
+    progress.reset_eta();
+
+    if !out.join("models").exists() {
+        bop::export_models(&out.join("models"), setup.models.iter().map(|model| &**model))?;
+    }
+    bop::write_camera(out, &plan.camera_file())?;
+
+    let next = AtomicU32::new(0);
+    let stop = AtomicBool::new(false);
+    let made = Mutex::new(Made { kept, ..Made::default() });
+    let worker = || -> Result<()> {
+        let mut renderer = render::open(renderer)?;
+        while !stop.load(Ordering::Relaxed) {
+            let Some(&number) = missing.get(next.fetch_add(1, Ordering::Relaxed) as usize) else { break };
+            let done = scene::make(setup, plan, &split, number, renderer.as_mut(), progress)
+                .with_context(|| format!("scene {number}"))?;
+            let mut made = made.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
+            made.scenes += 1;
+            made.rejected += done.rejected;
+            made.timings.add(&done.timings);
+        }
+        Ok(())
+    };
+    let workers = (jobs as usize).clamp(1, missing.len().max(1));
+    std::thread::scope(|scope| {
+        let handles: Vec<_> = (0..workers)
+            .map(|_| {
+                scope.spawn(|| worker().inspect_err(|_| stop.store(true, Ordering::Relaxed)))
+            })
+            .collect();
+        handles.into_iter().try_for_each(|handle| match handle.join() {
+            Ok(result) => result,
+            Err(panic) => std::panic::resume_unwind(panic),
+        })
+    })?;
+
+    let began = Instant::now();
+    let mut made = made.into_inner().unwrap_or_else(std::sync::PoisonError::into_inner);
+    let dataset = Dataset::open(out, Some(&plan.split))?;
+    bop::write_targets(out, &targets(&dataset)?)?;
+    bop::write_coco_set(out, &plan.split)?;
+    made.timings.write += began.elapsed();
+    Ok(made)
+}
+
+/// Every object that is seen well enough, in order of scene, image and object.
+fn targets(dataset: &Dataset) -> Result<Vec<Target>> {
+    let mut targets: Vec<Target> = Vec::new();
+    for scene_id in dataset.scenes()? {
+        for im_id in dataset.images(scene_id)? {
+            let mut counts: BTreeMap<u32, u32> = BTreeMap::new();
+            for truth in dataset.ground_truths(scene_id, im_id)? {
+                if truth.info.is_some_and(|info| info.visib_fract >= TARGET_VISIBLE) {
+                    *counts.entry(truth.obj_id).or_default() += 1;
+                }
+            }
+            targets.extend(
+                counts.into_iter().map(|(obj_id, inst_count)| Target { scene_id, im_id, obj_id, inst_count }),
+            );
+        }
+    }
+    Ok(targets)
+}
+
+/// Removes what killed runs have left unfinished in `folder`.
+fn sweep(folder: &Path) -> Result<()> {
+    for entry in std::fs::read_dir(folder)?.flatten() {
+        let name = entry.file_name();
+        let name = name.to_string_lossy();
+        if name.starts_with('.') && name.ends_with(".tmp") && entry.path().is_dir() {
+            std::fs::remove_dir_all(entry.path())?;
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,189 @@
+//! What a data set is made of: the command line and all files that it names, resolved. Saved as `dataset.json`.
+
+use std::path::Path;
+
+use anyhow::{Context, Result, bail, ensure};
+use grip_sim::bop::{self, CameraFile};
+use grip_sim::camera::{Distortion, Intrinsics};
+use grip_sim::condition::{ConditionSpec, Placement};
+use grip_sim::scene::Scene;
+use grip_sim::sensor::depth::DepthNoise;
+use serde::Serialize;
+
+use crate::cli::{CameraPlace, ScenesArgs};
+use crate::setup::{self, Setup};
+
+/// Millimetres in a unit of the depth pictures: fine beside every sensor's steps, and reaches 6.5 m.
+pub const DEPTH_SCALE_MM: f64 = 0.1;
+
+/// The frames of the paper's test set and their conditions.
+const PAPER_VIEWS: [(&str, &str); 7] = [
+    ("B", "base"),
+    ("D", "dark"),
+    ("D1", "light-left"),
+    ("D2", "light-right"),
+    ("O1", "clutter-1"),
+    ("O2", "clutter-2"),
+    ("O3", "clutter-3"),
+];
+
+/// One frame of every scene.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct View {
+    /// Such as `B`; the frame of scene 3 is called `exp003_B`.
+    pub name: String,
+    /// Light, and how objects are placed.
+    pub condition: ConditionSpec,
+}
+
+/// A resolved data set. Two equal plans make the same files, byte for byte, on the same renderer.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Plan {
+    schema: &'static str,
+    program: &'static str,
+    /// As in [`grip_sim::rng`].
+    pub seed: u64,
+    /// How many scenes.
+    pub scenes: u32,
+    /// The folder of the scenes.
+    pub split: String,
+    /// Image numbers are positions here.
+    pub views: Vec<View>,
+    /// Where the camera is.
+    pub camera: CameraPlace,
+    /// Of every picture.
+    pub intrinsics: Intrinsics,
+    /// Of the lens.
+    pub distortion: Distortion,
+    depth_noise_name: String,
+    #[serde(skip)]
+    pub depth_noise: DepthNoise,
+    object_set: String,
+    renderer: String,
+    /// The scene file, with the objects to draw from.
+    pub scene: Scene,
+}
+
+impl Plan {
+    /// Puts the command line and `setup` together; `device` says what draws.
+    ///
+    /// # Errors
+    /// When a view, its condition, an object or a number is wrong: names the option and what to try.
+    pub fn new(args: &ScenesArgs, setup: &Setup, device: String) -> Result<Self> {
+        let views = args.views.iter().map(|text| view(text, &setup.folder)).collect::<Result<Vec<_>>>()?;
+        for (i, view) in views.iter().enumerate() {
+            ensure!(
+                views[..i].iter().all(|earlier| earlier.name != view.name),
+                "--views: '{}' stands twice; give each frame a name of its own",
+                view.name
+            );
+        }
+        let depth_noise_name = args.depth_noise.clone().unwrap_or_else(|| setup.scene.camera.depth_noise.clone());
+        let depth_noise = DepthNoise::from_name(&depth_noise_name).context("--depth-noise")?;
+        let distortion = distortion(&args.distortion, &setup.intrinsics)?;
+        let plain = |c: char| c.is_ascii_alphanumeric() || c == '-' || c == '_';
+        ensure!(
+            !args.split.is_empty() && args.split.chars().all(plain),
+            "--split {}: must be of letters, digits, '-' and '_'",
+            args.split
+        );
+        Ok(Self {
+            schema: "grip.dataset/1",
+            program: concat!("grip ", env!("CARGO_PKG_VERSION")),
+            seed: setup.seed,
+            scenes: args.scenes,
+            split: args.split.clone(),
+            views,
+            camera: args.camera,
+            intrinsics: setup.intrinsics,
+            distortion,
+            depth_noise_name,
+            depth_noise,
+            object_set: setup.library.set().label().into(),
+            renderer: device,
+            scene: setup.scene.clone(),
+        })
+    }
+
+    /// Whether the frame shows the layout that all such frames of its scene share.
+    pub fn shares_layout(&self, view: &View) -> bool {
+        view.condition.placement == Placement::Spread && self.camera == CameraPlace::Head
+    }
+
+    /// Writes `dataset.json` in a new folder; in one that has it, checks that it is the same plan.
+    ///
+    /// # Errors
+    /// When the folder holds something else, or the plan differs, or without `resume`.
+    pub fn claim(&self, out: &Path, resume: bool) -> Result<()> {
+        let path = out.join("dataset.json");
+        let text = serde_json::to_string_pretty(self)? + "\n";
+        let occupied = out.exists()
+            && std::fs::read_dir(out).with_context(|| format!("{}: cannot read", out.display()))?.next().is_some();
+        if occupied {
+            let Ok(earlier) = std::fs::read_to_string(&path) else {
+                bail!("{}: exists and is no data set of this program; choose another --out", out.display());
+            };
+            ensure!(
+                resume,
+                "{}: holds a data set; give --resume to make what it lacks, or choose another --out",
+                out.display()
+            );
+            ensure!(
+                earlier == text,
+                "{}: was made with other settings ({}); give the same ones, or choose another --out",
+                path.display(),
+                first_difference(&earlier, &text)
+            );
+            return Ok(());
+        }
+        std::fs::create_dir_all(out)
+            .with_context(|| format!("{}: cannot make the folder; check permissions or choose another --out", out.display()))?;
+        Ok(bop::write_atomic(&path, text.as_bytes())?)
+    }
+
+    /// `camera.json` of the set.
+    pub fn camera_file(&self) -> CameraFile {
+        let Intrinsics { width, height, fx, fy, cx, cy } = self.intrinsics;
+        CameraFile { width, height, fx, fy, cx, cy, depth_scale: Some(DEPTH_SCALE_MM) }
+    }
+}
+
+/// `B`, or `NAME=CONDITION`.
+fn view(text: &str, folder: &Path) -> Result<View> {
+    let (name, condition) = match text.split_once('=') {
+        Some((name, condition)) => (name, condition),
+        None => *PAPER_VIEWS.iter().find(|(name, _)| *name == text).with_context(|| {
+            let known: Vec<&str> = PAPER_VIEWS.iter().map(|(name, _)| *name).collect();
+            format!("--views: no frame '{text}'; there are {}, or give NAME=CONDITION", known.join(", "))
+        })?,
+    };
+    let plain = |c: char| c.is_ascii_alphanumeric() || c == '-' || c == '_';
+    ensure!(
+        !name.is_empty() && name.chars().all(plain),
+        "--views: '{text}': a frame's name must be of letters, digits, '-' and '_'"
+    );
+    let condition = setup::load_condition(folder, condition).with_context(|| format!("--views {text}"))?;
+    Ok(View { name: name.to_owned(), condition })
+}
+
+fn distortion(given: &[f64], intrinsics: &Intrinsics) -> Result<Distortion> {
+    let distortion = match *given {
+        [] => Distortion::default(),
+        [k1, k2, p1, p2, k3] => Distortion { k1, k2, p1, p2, k3 },
+        _ => bail!("--distortion: {} numbers; give the five k1,k2,p1,p2,k3", given.len()),
+    };
+    if let Some(problem) = distortion.problem(intrinsics) {
+        bail!("--distortion: {problem}");
+    }
+    Ok(distortion)
+}
+
+/// The first lines that are not the same, for people.
+fn first_difference(earlier: &str, now: &str) -> String {
+    earlier
+        .lines()
+        .zip(now.lines())
+        .find(|(a, b)| a != b)
+        .map(|(a, b)| format!("{} then, {} now", a.trim(), b.trim()))
+        .unwrap_or_else(|| "one is longer than the other".into())
+}

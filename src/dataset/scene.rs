@@ -1,0 +1,393 @@
+//! One scene of a data set: layouts by physics, frames by renderer and sensors, files.
+
+use std::path::Path;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use anyhow::{Result, bail};
+use grip_sim::bop::{FrameFiles, GtInfo, ObjectInFrame, SceneWriter, gt_info};
+use grip_sim::camera::Intrinsics;
+use grip_sim::condition::Condition;
+use grip_sim::images::{DepthImage, Image, LabelImage};
+use grip_sim::objects::ObjectModel;
+use grip_sim::physics::{ROBOT_LABEL, World, drop_objects};
+use grip_sim::pose::{Camera, Object, Pose, World as WorldFrame};
+use grip_sim::render::{self, Bounce, RenderScene, Renderer, Rendering, Silhouette};
+use grip_sim::rng;
+use grip_sim::scene::Scene;
+use grip_sim::sensor;
+use indicatif::ProgressBar;
+use nalgebra::Point3;
+use rand::RngExt;
+use serde::Serialize;
+
+use super::plan::{DEPTH_SCALE_MM, Plan, View};
+use crate::cli::CameraPlace;
+use crate::setup::Setup;
+
+/// Layouts tried before a scene is given up.
+const ATTEMPTS: u64 = 30;
+/// Least share of an object's silhouette that must be seen, and that must lie inside the picture.
+const LEAST_VISIBLE: f64 = 0.1;
+const LEAST_INSIDE: f64 = 0.7;
+
+/// Where the time of a scene went.
+#[derive(Debug, Default, Clone, Copy)]
+pub struct Timings {
+    pub physics: Duration,
+    pub render: Duration,
+    pub sensor: Duration,
+    pub masks: Duration,
+    pub write: Duration,
+}
+
+impl Timings {
+    pub fn add(&mut self, other: &Self) {
+        self.physics += other.physics;
+        self.render += other.render;
+        self.sensor += other.sensor;
+        self.masks += other.masks;
+        self.write += other.write;
+    }
+}
+
+/// What making a scene took.
+#[derive(Debug)]
+pub struct Done {
+    /// Layouts thrown away.
+    pub rejected: usize,
+    pub timings: Timings,
+}
+
+/// `scene_info.json`: what the pictures cannot tell.
+#[derive(Debug, Serialize)]
+struct SceneFile<'a> {
+    schema: &'static str,
+    seed: u64,
+    objects: Vec<&'a str>,
+    frames: Vec<FrameInfo<'a>>,
+    /// Layouts thrown away, with the reason.
+    rejected: Vec<String>,
+}
+
+#[derive(Debug, Serialize)]
+struct FrameInfo<'a> {
+    im_id: u32,
+    name: String,
+    condition: &'a Condition,
+}
+
+/// Objects at rest, as the camera sees them.
+struct Layout {
+    scene: RenderScene,
+    world_from_camera: Pose<WorldFrame, Camera>,
+    /// In the order of the scene's objects.
+    camera_from_object: Vec<Pose<Camera, Object>>,
+    outlines: Vec<Silhouette>,
+    /// The picture by which the layout was accepted, for the frame that it was made for.
+    first: Option<Rendering>,
+}
+
+/// Makes scene `number` in `split`.
+pub fn make(
+    setup: &Setup,
+    plan: &Plan,
+    split: &Path,
+    number: u32,
+    renderer: &mut dyn Renderer,
+    progress: &ProgressBar,
+) -> Result<Done> {
+    let seed: u64 = rng::stream(plan.seed, &format!("scene/{number}")).random();
+    let drawn = plan.scene.objects.draw(seed);
+    let models: Vec<Arc<ObjectModel>> = drawn.iter().map(|&i| setup.models[i].clone()).collect();
+    let mut scene = plan.scene.clone();
+    scene.objects.names = models.iter().map(|model| model.info.name.clone()).collect();
+    scene.objects.count = None;
+    let furniture = render::furniture(&scene.fixtures(), scene.surroundings, seed);
+    let bounce = Bounce {
+        center: Point3::new(scene.table.center[0], scene.table.center[1], scene.table.height),
+        radius: 0.5 * scene.table.size[0].min(scene.table.size[1]),
+        albedo: furniture.table_albedo,
+    };
+    let show = |world: &World| {
+        let mut shown = world.render_scene(&furniture.drawn);
+        shown.bounce = Some(bounce);
+        if plan.camera == CameraPlace::Sphere {
+            // From anywhere but its own head, the robot would stand in the picture.
+            shown.instances.retain(|instance| instance.label != ROBOT_LABEL);
+        }
+        shown
+    };
+
+    let ids: Vec<u32> = setup.models.iter().map(|model| model.info.bop_id).collect();
+    let writer = SceneWriter::begin(split, number)?.with_coco(&plan.scene.name, &ids);
+    let conditions: Vec<Condition> = plan
+        .views
+        .iter()
+        .map(|view| view.condition.draw(&mut rng::stream(seed, &format!("condition/{}", view.name))))
+        .collect();
+    let mut making = Making {
+        setup,
+        plan,
+        scene: &scene,
+        models: &models,
+        seed,
+        show: &show,
+        rejected: Vec::new(),
+        timings: Timings::default(),
+    };
+    let mut shared: Option<Layout> = None;
+    for (im_id, (view, condition)) in (0..).zip(plan.views.iter().zip(&conditions)) {
+        let mut own = None;
+        let layout = if plan.shares_layout(view) {
+            match &mut shared {
+                Some(layout) => layout,
+                none => none.insert(making.layout(view, condition, renderer)?),
+            }
+        } else {
+            own.insert(making.layout(view, condition, renderer)?)
+        };
+        making.frame(&writer, im_id, view, condition, layout, renderer)?;
+        progress.inc(1);
+    }
+
+    let Making { rejected, mut timings, .. } = making;
+    let began = Instant::now();
+    let info = SceneFile {
+        schema: "grip.dataset-scene/1",
+        seed,
+        objects: models.iter().map(|model| model.info.name.as_str()).collect(),
+        frames: (0..)
+            .zip(plan.views.iter().zip(&conditions))
+            .map(|(im_id, (view, condition))| FrameInfo {
+                im_id,
+                name: format!("exp{number:03}_{}", view.name),
+                condition,
+            })
+            .collect(),
+        rejected,
+    };
+    writer.add_file("scene_info.json", (serde_json::to_string_pretty(&info)? + "\n").as_bytes())?;
+    writer.finish()?;
+    timings.write += began.elapsed();
+    Ok(Done { rejected: info.rejected.len(), timings })
+}
+
+/// What all frames of a scene have in common.
+struct Making<'a> {
+    setup: &'a Setup,
+    plan: &'a Plan,
+    scene: &'a Scene,
+    models: &'a [Arc<ObjectModel>],
+    seed: u64,
+    /// All that is to be seen of a world.
+    show: &'a dyn Fn(&World) -> RenderScene,
+    /// Layouts thrown away, with the reason.
+    rejected: Vec<String>,
+    timings: Timings,
+}
+
+impl Making<'_> {
+    /// Objects put down as `view` wants it, all of them in the picture and to be seen.
+    fn layout(&mut self, view: &View, condition: &Condition, renderer: &mut dyn Renderer) -> Result<Layout> {
+        let Self { setup, scene, models, .. } = *self;
+        let name = if self.plan.shares_layout(view) { "shared" } else { view.name.as_str() };
+        let mut last = String::new();
+        for attempt in 0..ATTEMPTS {
+            let began = Instant::now();
+            let seed: u64 = rng::stream(self.seed, &format!("layout/{name}/{attempt}")).random();
+            let fresh = || World::new(scene, setup.robot.clone(), &setup.config, setup.start.clone());
+            let (world, dropped) = drop_objects(scene, models, condition.placement, seed, fresh)?;
+            self.rejected.extend(dropped.rejected.into_iter().map(|reason| format!("{name}: {reason}")));
+            let world_from_camera = match self.plan.camera {
+                CameraPlace::Head => setup.world_from_camera(&world),
+                CameraPlace::Sphere => {
+                    let [x, y] = scene.objects.center;
+                    let center = Point3::new(x, y, scene.table.height + 0.03);
+                    scene.camera.sphere.draw(&center, &mut rng::stream(seed, "camera"))
+                }
+            };
+            self.timings.physics += began.elapsed();
+            match self.look(&world, world_from_camera, condition, renderer)? {
+                Ok(layout) => return Ok(layout),
+                Err(reason) => last = reason,
+            }
+            self.rejected.push(format!("{name}: {last}"));
+        }
+        bail!(
+            "no layout for frame {} in {ATTEMPTS} attempts, last: {last}; enlarge objects.size, move the camera, or use \
+             fewer objects",
+            view.name
+        )
+    }
+
+    /// The layout as seen, or why it will not do.
+    fn look(
+        &mut self,
+        world: &World,
+        world_from_camera: Pose<WorldFrame, Camera>,
+        condition: &Condition,
+        renderer: &mut dyn Renderer,
+    ) -> Result<std::result::Result<Layout, String>> {
+        let began = Instant::now();
+        let camera_from_world = world_from_camera.inverse();
+        let camera_from_object: Vec<_> =
+            (0..self.models.len()).map(|i| camera_from_world * world.truth(i)).collect();
+        let mut outlines = Vec::new();
+        for (model, pose) in self.models.iter().zip(&camera_from_object) {
+            let name = &model.info.name;
+            let Some(outline) = render::silhouette(&model.visual.mesh, pose, &self.plan.intrinsics) else {
+                return Ok(Err(format!("{name} is out of the picture")));
+            };
+            let inside = share_inside(&outline, &self.plan.intrinsics);
+            if inside < LEAST_INSIDE {
+                return Ok(Err(format!("only {:.0} % of {name} are in the picture", 100.0 * inside)));
+            }
+            outlines.push(outline);
+        }
+        self.timings.masks += began.elapsed();
+        let scene = (self.show)(world);
+        let mut layout = Layout { scene, world_from_camera, camera_from_object, outlines, first: None };
+        let seen = self.draw(&layout, condition, renderer)?;
+        let mut pixels = vec![0_usize; self.models.len() + 1];
+        for &label in seen.labels.data() {
+            if let Some(count) = pixels.get_mut(usize::from(label)) {
+                *count += 1;
+            }
+        }
+        for ((model, outline), &seen) in self.models.iter().zip(&layout.outlines).zip(&pixels[1..]) {
+            let all = outline.mask.data().iter().filter(|&&covered| covered).count();
+            if (seen as f64) < LEAST_VISIBLE * all as f64 {
+                return Ok(Err(format!("only {seen} of {all} pixels of {} are seen", model.info.name)));
+            }
+        }
+        layout.first = Some(seen);
+        Ok(Ok(layout))
+    }
+
+    fn draw(&mut self, layout: &Layout, condition: &Condition, renderer: &mut dyn Renderer) -> Result<Rendering> {
+        let began = Instant::now();
+        let rendering = renderer.render(
+            &layout.scene,
+            &condition.lighting,
+            &self.plan.intrinsics,
+            &layout.world_from_camera,
+        )?;
+        self.timings.render += began.elapsed();
+        Ok(rendering)
+    }
+
+    /// Draws, exposes and writes one frame.
+    fn frame(
+        &mut self,
+        writer: &SceneWriter,
+        im_id: u32,
+        view: &View,
+        condition: &Condition,
+        layout: &mut Layout,
+        renderer: &mut dyn Renderer,
+    ) -> Result<()> {
+        let rendering = match layout.first.take() {
+            Some(rendering) => rendering,
+            None => self.draw(layout, condition, renderer)?,
+        };
+        let began = Instant::now();
+        let Plan { intrinsics, depth_noise, .. } = self.plan;
+        let mut random = rng::stream(self.seed, &format!("sensor/{}", view.name));
+        let frame = sensor::sense(
+            &rendering,
+            condition,
+            intrinsics,
+            &layout.world_from_camera,
+            depth_noise,
+            &mut random,
+        );
+        self.timings.sensor += began.elapsed();
+
+        let began = Instant::now();
+        let masks: Vec<Masks> = (1..)
+            .zip(&layout.outlines)
+            .map(|(label, outline)| Masks::new(label, outline, &rendering.labels, &frame.depth))
+            .collect::<Result<_>>()?;
+        let objects: Vec<ObjectInFrame<'_>> = self
+            .models
+            .iter()
+            .zip(&layout.camera_from_object)
+            .zip(&masks)
+            .map(|((model, pose), masks)| ObjectInFrame {
+                obj_id: model.info.bop_id,
+                camera_from_object: *pose,
+                mask: &masks.whole,
+                mask_visib: &masks.visible,
+                info: masks.info.clone(),
+            })
+            .collect();
+        self.timings.masks += began.elapsed();
+        let began = Instant::now();
+        writer.add_frame(&FrameFiles {
+            im_id,
+            rgb: &frame.rgb,
+            depth: &frame.depth,
+            depth_scale_mm: DEPTH_SCALE_MM,
+            intrinsics: *intrinsics,
+            world_from_camera: Some(layout.world_from_camera),
+            objects: &objects,
+        })?;
+        self.timings.write += began.elapsed();
+        Ok(())
+    }
+}
+
+/// The masks of one object in one frame.
+struct Masks {
+    /// Within the image.
+    whole: Image<bool>,
+    visible: Image<bool>,
+    info: GtInfo,
+}
+
+impl Masks {
+    fn new(label: u16, outline: &Silhouette, labels: &LabelImage, depth: &DepthImage) -> Result<Self> {
+        let (width, height) = (labels.width(), labels.height());
+        let mut visible = Image::filled(width, height, false);
+        let mut whole = visible.clone();
+        let mut canvas = outline.mask.clone();
+        let [left, top] = outline.offset;
+        for y in 0..canvas.height() {
+            for x in 0..canvas.width() {
+                let (u, v) = (x as i32 + left, y as i32 + top);
+                if u < 0 || v < 0 || u as usize >= width || v as usize >= height {
+                    continue;
+                }
+                let (u, v) = (u as usize, v as usize);
+                let seen = *labels.at(u, v) == label;
+                // Graphics adapters round corners to fractions of a pixel: a pixel on the rim may be seen that the
+                // exact outline leaves out.
+                let covered = *canvas.at(x, y) || seen;
+                *canvas.at_mut(x, y) = covered;
+                *whole.at_mut(u, v) = covered;
+                *visible.at_mut(u, v) = seen;
+            }
+        }
+        let info = gt_info(&canvas, outline.offset, &visible, depth)?;
+        Ok(Self { whole, visible, info })
+    }
+}
+
+/// Share of the outline's pixels that lie in the image.
+fn share_inside(outline: &Silhouette, intrinsics: &Intrinsics) -> f64 {
+    let [left, top] = outline.offset;
+    let (mut all, mut inside) = (0_usize, 0_usize);
+    for y in 0..outline.mask.height() {
+        for x in 0..outline.mask.width() {
+            if *outline.mask.at(x, y) {
+                let (u, v) = (x as i32 + left, y as i32 + top);
+                all += 1;
+                inside += usize::from(
+                    u >= 0 && v >= 0 && u < intrinsics.width as i32 && v < intrinsics.height as i32,
+                );
+            }
+        }
+    }
+    inside as f64 / all.max(1) as f64
+}
