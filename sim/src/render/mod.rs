@@ -6,10 +6,10 @@
 mod bvh;
 mod check;
 pub mod cpu;
-mod furniture;
 mod pyramid;
 mod shading;
 pub(crate) mod srgb;
+mod surroundings;
 pub mod textures;
 pub mod wgpu;
 
@@ -24,8 +24,8 @@ use crate::images::{DepthImage, Image, LabelImage, RadianceImage};
 use crate::mesh::Visual;
 use crate::pose::{Camera, Pose, World};
 
-pub use self::furniture::furniture;
 pub use self::shading::MAX_LIGHTS;
+pub use self::surroundings::{Furniture, Surroundings, furniture};
 
 /// Nothing nearer to the camera than this along its axis is drawn, metres: the camera looks out through its own housing.
 pub const NEAR: f64 = 0.02;
