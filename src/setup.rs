@@ -12,15 +12,14 @@ use grip_sim::camera::Intrinsics;
 use grip_sim::condition::{Condition, ConditionSpec};
 use grip_sim::frame::CameraFrame;
 use grip_sim::images::LabelImage;
-use grip_sim::mesh::Visual;
 use grip_sim::objects::{ObjectLibrary, ObjectModel, resolve_set};
 use grip_sim::physics::{Dropped, World, drop_objects};
 use grip_sim::pose::{Camera, Object, Pose, World as WorldFrame};
-use grip_sim::render::{self, Instance, RenderScene, Renderer, Rendering};
+use grip_sim::render::{self, Bounce, Furniture, Instance, RenderScene, Renderer, Rendering};
 use grip_sim::robot::{RobotConfig, RobotModel};
 use grip_sim::scene::Scene;
 use grip_sim::sensor::{self, depth::DepthNoise};
-use nalgebra::{Isometry3, Point3};
+use nalgebra::Point3;
 use rand::RngExt;
 
 use crate::assets;
@@ -42,7 +41,7 @@ pub struct Setup {
     pub seed: u64,
     /// The folder of the scene file.
     pub folder: PathBuf,
-    furniture: Vec<(Isometry3<f64>, Arc<Visual>)>,
+    furniture: Furniture,
 }
 
 impl Setup {
@@ -80,7 +79,7 @@ impl Setup {
             .with_context(|| format!("{}: camera.depth_noise", path.display()))?;
         let start = start_configuration(&scene, &robot, &config)
             .with_context(|| format!("{}: [robot]", path.display()))?;
-        let furniture = render::furniture(&scene.fixtures(), args.seed);
+        let furniture = render::furniture(&scene.fixtures(), scene.surroundings, args.seed);
         Ok(Self {
             intrinsics: scene.camera.intrinsics.intrinsics(),
             scene,
@@ -111,7 +110,8 @@ impl Setup {
         renderer: &mut dyn Renderer,
         shot: usize,
     ) -> Result<(CameraFrame, Rendering)> {
-        let view = world.render_scene(&self.furniture);
+        let mut view = world.render_scene(&self.furniture.drawn);
+        view.bounce = Some(Bounce::of(&self.scene.table, self.furniture.table_albedo));
         let mut random = grip_sim::rng::stream(self.seed, &format!("sensor/{shot}"));
         Ok(sensor::capture(
             renderer,

@@ -9,7 +9,7 @@ use grip_sim::camera::Intrinsics;
 use grip_sim::condition::ConditionSpec;
 use grip_sim::objects::{ObjectLibrary, ObjectSet};
 use grip_sim::pose::{Camera, Pose, World};
-use grip_sim::render::{Instance, RenderScene, RendererChoice, furniture, open};
+use grip_sim::render::{Instance, RenderScene, RendererChoice, Surroundings, furniture, open};
 use grip_sim::scene::Scene;
 use nalgebra::{Isometry3, Matrix3, Rotation3, Translation3, UnitQuaternion, Vector3};
 
@@ -24,7 +24,8 @@ fn root() -> std::path::PathBuf {
 fn scene() -> RenderScene {
     let scene = Scene::load(&root().join("scenes/grocery.toml")).unwrap();
     let library = ObjectLibrary::open(&root().join("scenes/objects.toml"), ObjectSet::BuiltIn).unwrap();
-    let mut instances: Vec<Instance> = furniture(&scene.fixtures(), 1)
+    let mut instances: Vec<Instance> = furniture(&scene.fixtures(), Surroundings::Laboratory, 1)
+        .drawn
         .into_iter()
         .map(|(pose, visual)| Instance { visual, pose, label: 0 })
         .collect();

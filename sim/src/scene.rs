@@ -14,6 +14,7 @@ use crate::camera::Intrinsics;
 use crate::error::{Error, Result};
 use crate::pose::{Base, Camera, Object, Pose, World};
 use crate::range::Range;
+use crate::render::Surroundings;
 use crate::rng;
 use crate::shape::{CollisionShape, Convex};
 
@@ -28,6 +29,10 @@ pub struct Scene {
     pub schema: String,
     /// Short name, used in outputs.
     pub name: String,
+    /// How table, bin and room look: `laboratory`, the default, or `varied`, which differs with every seed. Looks only:
+    /// all solids stay.
+    #[serde(default)]
+    pub surroundings: Surroundings,
     /// Where the robot stands and how it starts.
     pub robot: RobotPlacement,
     /// The head camera.
@@ -573,6 +578,12 @@ gap = 0.03
     #[test]
     fn a_good_scene_is_read() {
         assert_eq!(message(|t| t), "accepted");
+        let scene: Scene = toml::from_str(&text(|t| t)).unwrap();
+        assert_eq!(scene.surroundings, Surroundings::Laboratory);
+        let varied = text(|t| t.replace("name = \"test\"", "name = \"test\"\nsurroundings = \"varied\""));
+        assert_eq!(toml::from_str::<Scene>(&varied).unwrap().surroundings, Surroundings::Varied);
+        let odd = message(|t| t.replace("name = \"test\"", "name = \"test\"\nsurroundings = \"kitchen\""));
+        assert!(odd.contains("kitchen") && odd.contains("varied"), "{odd}");
     }
 
     #[test]

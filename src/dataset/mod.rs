@@ -18,7 +18,7 @@ use grip_sim::bop::{self, Dataset, Target};
 use grip_sim::render::{self, RendererChoice};
 use indicatif::ProgressBar;
 
-pub use self::plan::{Plan, View};
+pub use self::plan::Plan;
 pub use self::scene::Timings;
 use crate::setup::Setup;
 

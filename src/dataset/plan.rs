@@ -4,7 +4,7 @@ use std::path::Path;
 
 use anyhow::{Context, Result, bail, ensure};
 use grip_sim::bop::{self, CameraFile};
-use grip_sim::camera::{Distortion, Intrinsics};
+use grip_sim::camera::Intrinsics;
 use grip_sim::condition::{ConditionSpec, Placement};
 use grip_sim::scene::Scene;
 use grip_sim::sensor::depth::DepthNoise;
@@ -53,8 +53,6 @@ pub struct Plan {
     pub camera: CameraPlace,
     /// Of every picture.
     pub intrinsics: Intrinsics,
-    /// Of the lens.
-    pub distortion: Distortion,
     depth_noise_name: String,
     #[serde(skip)]
     pub depth_noise: DepthNoise,
@@ -80,7 +78,6 @@ impl Plan {
         }
         let depth_noise_name = args.depth_noise.clone().unwrap_or_else(|| setup.scene.camera.depth_noise.clone());
         let depth_noise = DepthNoise::from_name(&depth_noise_name).context("--depth-noise")?;
-        let distortion = distortion(&args.distortion, &setup.intrinsics)?;
         let plain = |c: char| c.is_ascii_alphanumeric() || c == '-' || c == '_';
         ensure!(
             !args.split.is_empty() && args.split.chars().all(plain),
@@ -96,7 +93,6 @@ impl Plan {
             views,
             camera: args.camera,
             intrinsics: setup.intrinsics,
-            distortion,
             depth_noise_name,
             depth_noise,
             object_set: setup.library.set().label().into(),
@@ -164,18 +160,6 @@ fn view(text: &str, folder: &Path) -> Result<View> {
     );
     let condition = setup::load_condition(folder, condition).with_context(|| format!("--views {text}"))?;
     Ok(View { name: name.to_owned(), condition })
-}
-
-fn distortion(given: &[f64], intrinsics: &Intrinsics) -> Result<Distortion> {
-    let distortion = match *given {
-        [] => Distortion::default(),
-        [k1, k2, p1, p2, k3] => Distortion { k1, k2, p1, p2, k3 },
-        _ => bail!("--distortion: {} numbers; give the five k1,k2,p1,p2,k3", given.len()),
-    };
-    if let Some(problem) = distortion.problem(intrinsics) {
-        bail!("--distortion: {problem}");
-    }
-    Ok(distortion)
 }
 
 /// The first lines that are not the same, for people.

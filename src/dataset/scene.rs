@@ -104,11 +104,7 @@ pub fn make(
     scene.objects.names = models.iter().map(|model| model.info.name.clone()).collect();
     scene.objects.count = None;
     let furniture = render::furniture(&scene.fixtures(), scene.surroundings, seed);
-    let bounce = Bounce {
-        center: Point3::new(scene.table.center[0], scene.table.center[1], scene.table.height),
-        radius: 0.5 * scene.table.size[0].min(scene.table.size[1]),
-        albedo: furniture.table_albedo,
-    };
+    let bounce = Bounce::of(&scene.table, furniture.table_albedo);
     let show = |world: &World| {
         let mut shown = world.render_scene(&furniture.drawn);
         shown.bounce = Some(bounce);

@@ -6,12 +6,12 @@
 mod bvh;
 mod check;
 pub mod cpu;
-mod furniture;
 mod occlusion;
 mod pyramid;
 mod shading;
 mod silhouette;
 pub(crate) mod srgb;
+mod surroundings;
 pub mod textures;
 pub mod wgpu;
 
@@ -25,10 +25,11 @@ use crate::error::Result;
 use crate::images::{DepthImage, Image, LabelImage, RadianceImage};
 use crate::mesh::Visual;
 use crate::pose::{Camera, Pose, World};
+use crate::scene::Table;
 
-pub use self::furniture::furniture;
 pub use self::shading::MAX_LIGHTS;
 pub use self::silhouette::{Silhouette, silhouette};
+pub use self::surroundings::{Furniture, Surroundings, furniture};
 
 /// Nothing nearer to the camera than this along its axis is drawn, metres: the camera looks out through its own housing.
 pub const NEAR: f64 = 0.02;
@@ -83,6 +84,17 @@ pub struct Bounce {
     pub radius: f64,
     /// Linear reflectance, 0 to 1.
     pub albedo: [f32; 3],
+}
+
+impl Bounce {
+    /// A table's top, as a disk as wide as its shorter side; `albedo` as in [`Furniture::table_albedo`].
+    pub fn of(table: &Table, albedo: [f32; 3]) -> Self {
+        Self {
+            center: Point3::new(table.center[0], table.center[1], table.height),
+            radius: 0.5 * table.size[0].min(table.size[1]),
+            albedo,
+        }
+    }
 }
 
 /// One light source, in the world frame.
