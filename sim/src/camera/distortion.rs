@@ -111,7 +111,7 @@ impl Distortion {
     pub fn problem(&self, intrinsics: &Intrinsics) -> Option<String> {
         let values = [self.k1, self.k2, self.p1, self.p2, self.k3];
         for ((name, limit), value) in LIMITS.into_iter().zip(values) {
-            if !(value.abs() <= limit) {
+            if !value.is_finite() || value.abs() > limit {
                 return Some(format!("{name} = {value}: must be a number from -{limit} to {limit}"));
             }
         }
