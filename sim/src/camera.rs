@@ -1,7 +1,11 @@
-//! The pinhole camera.
+//! The pinhole camera, and the distortion of a lens before it.
+
+mod distortion;
 
 use nalgebra::{Point2, Point3};
 use serde::{Deserialize, Serialize};
+
+pub use self::distortion::Distortion;
 
 /// Pinhole intrinsics, pixels. Image point `(fx x/z + cx, fy y/z + cy)`, pixel centres at integers (OpenCV, BOP).
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]

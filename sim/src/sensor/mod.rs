@@ -2,6 +2,7 @@
 
 pub mod color;
 pub mod depth;
+pub mod lens;
 
 use rand::RngExt;
 use rand::SeedableRng;
