@@ -4,10 +4,11 @@ use std::path::Path;
 
 use anyhow::{Context, Result, bail, ensure};
 use grip_sim::bop::{self, CameraFile};
-use grip_sim::camera::Intrinsics;
+use grip_sim::camera::{Distortion, Intrinsics};
 use grip_sim::condition::{ConditionSpec, Placement};
 use grip_sim::scene::Scene;
 use grip_sim::sensor::depth::DepthNoise;
+use grip_sim::sensor::lens::Lens;
 use serde::Serialize;
 
 use crate::cli::{CameraPlace, ScenesArgs};
@@ -37,7 +38,7 @@ pub struct View {
 }
 
 /// A resolved data set. Two equal plans make the same files, byte for byte, on the same renderer.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, Serialize)]
 pub struct Plan {
     schema: &'static str,
     program: &'static str,
@@ -53,6 +54,11 @@ pub struct Plan {
     pub camera: CameraPlace,
     /// Of every picture.
     pub intrinsics: Intrinsics,
+    /// Of the lens; BOP has no field for it, so it stands here alone.
+    pub distortion: Distortion,
+    /// Where the distortion is not none.
+    #[serde(skip)]
+    pub lens: Option<Lens>,
     depth_noise_name: String,
     #[serde(skip)]
     pub depth_noise: DepthNoise,
@@ -78,6 +84,7 @@ impl Plan {
         }
         let depth_noise_name = args.depth_noise.clone().unwrap_or_else(|| setup.scene.camera.depth_noise.clone());
         let depth_noise = DepthNoise::from_name(&depth_noise_name).context("--depth-noise")?;
+        let distortion = distortion(&args.distortion, &setup.intrinsics)?;
         let plain = |c: char| c.is_ascii_alphanumeric() || c == '-' || c == '_';
         ensure!(
             !args.split.is_empty() && args.split.chars().all(plain),
@@ -93,6 +100,11 @@ impl Plan {
             views,
             camera: args.camera,
             intrinsics: setup.intrinsics,
+            lens: (!distortion.is_none())
+                .then(|| Lens::new(&setup.intrinsics, &distortion))
+                .transpose()
+                .context("--distortion")?,
+            distortion,
             depth_noise_name,
             depth_noise,
             object_set: setup.library.set().label().into(),
@@ -137,6 +149,11 @@ impl Plan {
         Ok(bop::write_atomic(&path, text.as_bytes())?)
     }
 
+    /// The pinhole camera that is drawn: under a lens with distortion it sees more than the picture shows.
+    pub fn pinhole(&self) -> &Intrinsics {
+        self.lens.as_ref().map_or(&self.intrinsics, Lens::padded)
+    }
+
     /// `camera.json` of the set.
     pub fn camera_file(&self) -> CameraFile {
         let Intrinsics { width, height, fx, fy, cx, cy } = self.intrinsics;
@@ -160,6 +177,18 @@ fn view(text: &str, folder: &Path) -> Result<View> {
     );
     let condition = setup::load_condition(folder, condition).with_context(|| format!("--views {text}"))?;
     Ok(View { name: name.to_owned(), condition })
+}
+
+fn distortion(given: &[f64], intrinsics: &Intrinsics) -> Result<Distortion> {
+    let distortion = match *given {
+        [] => Distortion::default(),
+        [k1, k2, p1, p2, k3] => Distortion { k1, k2, p1, p2, k3 },
+        _ => bail!("--distortion: {} numbers; give the five k1,k2,p1,p2,k3", given.len()),
+    };
+    if let Some(problem) = distortion.problem(intrinsics) {
+        bail!("--distortion: {problem}");
+    }
+    Ok(distortion)
 }
 
 /// The first lines that are not the same, for people.

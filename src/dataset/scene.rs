@@ -16,6 +16,7 @@ use grip_sim::render::{self, Bounce, RenderScene, Renderer, Rendering, Silhouett
 use grip_sim::rng;
 use grip_sim::scene::Scene;
 use grip_sim::sensor;
+use grip_sim::sensor::lens::Lens;
 use indicatif::ProgressBar;
 use nalgebra::Point3;
 use rand::RngExt;
@@ -29,7 +30,7 @@ use crate::setup::Setup;
 const ATTEMPTS: u64 = 30;
 /// Least share of an object's silhouette that must be seen, and that must lie inside the picture.
 const LEAST_VISIBLE: f64 = 0.1;
-const LEAST_INSIDE: f64 = 0.7;
+const LEAST_INSIDE: f64 = 0.6;
 
 /// Where the time of a scene went.
 #[derive(Debug, Default, Clone, Copy)]
@@ -84,8 +85,6 @@ struct Layout {
     /// In the order of the scene's objects.
     camera_from_object: Vec<Pose<Camera, Object>>,
     outlines: Vec<Silhouette>,
-    /// The picture by which the layout was accepted, for the frame that it was made for.
-    first: Option<Rendering>,
 }
 
 /// Makes scene `number` in `split`.
@@ -99,7 +98,9 @@ pub fn make(
 ) -> Result<Done> {
     let seed: u64 = rng::stream(plan.seed, &format!("scene/{number}")).random();
     let drawn = plan.scene.objects.draw(seed);
-    let models: Vec<Arc<ObjectModel>> = drawn.iter().map(|&i| setup.models[i].clone()).collect();
+    let mut models: Vec<Arc<ObjectModel>> = drawn.iter().map(|&i| setup.models[i].clone()).collect();
+    // Large ones come first, so that heaps do not bury small ones.
+    models.sort_by(|a, b| b.diameter.total_cmp(&a.diameter));
     let mut scene = plan.scene.clone();
     scene.objects.names = models.iter().map(|model| model.info.name.clone()).collect();
     scene.objects.count = None;
@@ -138,10 +139,10 @@ pub fn make(
         let layout = if plan.shares_layout(view) {
             match &mut shared {
                 Some(layout) => layout,
-                none => none.insert(making.layout(view, condition, renderer)?),
+                none => none.insert(making.layout(view, condition)?),
             }
         } else {
-            own.insert(making.layout(view, condition, renderer)?)
+            own.insert(making.layout(view, condition)?)
         };
         making.frame(&writer, im_id, view, condition, layout, renderer)?;
         progress.inc(1);
@@ -185,7 +186,7 @@ struct Making<'a> {
 
 impl Making<'_> {
     /// Objects put down as `view` wants it, all of them in the picture and to be seen.
-    fn layout(&mut self, view: &View, condition: &Condition, renderer: &mut dyn Renderer) -> Result<Layout> {
+    fn layout(&mut self, view: &View, condition: &Condition) -> Result<Layout> {
         let Self { setup, scene, models, .. } = *self;
         let name = if self.plan.shares_layout(view) { "shared" } else { view.name.as_str() };
         let mut last = String::new();
@@ -204,7 +205,7 @@ impl Making<'_> {
                 }
             };
             self.timings.physics += began.elapsed();
-            match self.look(&world, world_from_camera, condition, renderer)? {
+            match self.look(&world, world_from_camera)? {
                 Ok(layout) => return Ok(layout),
                 Err(reason) => last = reason,
             }
@@ -222,53 +223,58 @@ impl Making<'_> {
         &mut self,
         world: &World,
         world_from_camera: Pose<WorldFrame, Camera>,
-        condition: &Condition,
-        renderer: &mut dyn Renderer,
     ) -> Result<std::result::Result<Layout, String>> {
         let began = Instant::now();
         let camera_from_world = world_from_camera.inverse();
         let camera_from_object: Vec<_> =
             (0..self.models.len()).map(|i| camera_from_world * world.truth(i)).collect();
         let mut outlines = Vec::new();
-        for (model, pose) in self.models.iter().zip(&camera_from_object) {
+        let pinhole = self.plan.pinhole();
+        let mut front = Image::filled(pinhole.width, pinhole.height, (0.0, 0));
+        for (i, (model, pose)) in self.models.iter().zip(&camera_from_object).enumerate() {
             let name = &model.info.name;
-            let Some(outline) = render::silhouette(&model.visual.mesh, pose, &self.plan.intrinsics) else {
+            let Some(outline) = render::silhouette(&model.visual.mesh, pose, pinhole) else {
                 return Ok(Err(format!("{name} is out of the picture")));
             };
-            let inside = share_inside(&outline, &self.plan.intrinsics);
+            let inside = share_inside(&outline, pinhole);
             if inside < LEAST_INSIDE {
                 return Ok(Err(format!("only {:.0} % of {name} are in the picture", 100.0 * inside)));
             }
+            for ([x, y], [u, v]) in pixels_inside(&outline, pinhole.width, pinhole.height) {
+                let (inverse, nearest) = front.at_mut(u, v);
+                let here = *outline.inverse_depth.at(x, y);
+                if here > *inverse {
+                    (*inverse, *nearest) = (here, i + 1);
+                }
+            }
             outlines.push(outline);
         }
-        self.timings.masks += began.elapsed();
-        let scene = (self.show)(world);
-        let mut layout = Layout { scene, world_from_camera, camera_from_object, outlines, first: None };
-        let seen = self.draw(&layout, condition, renderer)?;
-        let mut pixels = vec![0_usize; self.models.len() + 1];
-        for &label in seen.labels.data() {
-            if let Some(count) = pixels.get_mut(usize::from(label)) {
-                *count += 1;
-            }
-        }
-        for ((model, outline), &seen) in self.models.iter().zip(&layout.outlines).zip(&pixels[1..]) {
+        for (i, (model, outline)) in self.models.iter().zip(&outlines).enumerate() {
+            let seen = front.data().iter().filter(|(_, nearest)| *nearest == i + 1).count();
             let all = outline.mask.data().iter().filter(|&&covered| covered).count();
             if (seen as f64) < LEAST_VISIBLE * all as f64 {
                 return Ok(Err(format!("only {seen} of {all} pixels of {} are seen", model.info.name)));
             }
         }
-        layout.first = Some(seen);
-        Ok(Ok(layout))
+        if let Some(lens) = &self.plan.lens {
+            outlines = outlines.iter().map(|outline| distorted(lens, outline)).collect::<Result<_>>()?;
+        }
+        self.timings.masks += began.elapsed();
+        let scene = (self.show)(world);
+        Ok(Ok(Layout { scene, world_from_camera, camera_from_object, outlines }))
     }
 
     fn draw(&mut self, layout: &Layout, condition: &Condition, renderer: &mut dyn Renderer) -> Result<Rendering> {
         let began = Instant::now();
-        let rendering = renderer.render(
+        let mut rendering = renderer.render(
             &layout.scene,
             &condition.lighting,
-            &self.plan.intrinsics,
+            self.plan.pinhole(),
             &layout.world_from_camera,
         )?;
+        if let Some(lens) = &self.plan.lens {
+            rendering = lens.rendering(&rendering)?;
+        }
         self.timings.render += began.elapsed();
         Ok(rendering)
     }
@@ -280,13 +286,10 @@ impl Making<'_> {
         im_id: u32,
         view: &View,
         condition: &Condition,
-        layout: &mut Layout,
+        layout: &Layout,
         renderer: &mut dyn Renderer,
     ) -> Result<()> {
-        let rendering = match layout.first.take() {
-            Some(rendering) => rendering,
-            None => self.draw(layout, condition, renderer)?,
-        };
+        let rendering = self.draw(layout, condition, renderer)?;
         let began = Instant::now();
         let Plan { intrinsics, depth_noise, .. } = self.plan;
         let mut random = rng::stream(self.seed, &format!("sensor/{}", view.name));
@@ -348,42 +351,54 @@ impl Masks {
         let mut visible = Image::filled(width, height, false);
         let mut whole = visible.clone();
         let mut canvas = outline.mask.clone();
-        let [left, top] = outline.offset;
-        for y in 0..canvas.height() {
-            for x in 0..canvas.width() {
-                let (u, v) = (x as i32 + left, y as i32 + top);
-                if u < 0 || v < 0 || u as usize >= width || v as usize >= height {
-                    continue;
-                }
-                let (u, v) = (u as usize, v as usize);
-                let seen = *labels.at(u, v) == label;
-                // Graphics adapters round corners to fractions of a pixel: a pixel on the rim may be seen that the
-                // exact outline leaves out.
-                let covered = *canvas.at(x, y) || seen;
-                *canvas.at_mut(x, y) = covered;
-                *whole.at_mut(u, v) = covered;
-                *visible.at_mut(u, v) = seen;
-            }
+        for ([x, y], [u, v]) in pixels_inside(outline, width, height) {
+            let seen = *labels.at(u, v) == label;
+            // Graphics adapters round corners to fractions of a pixel: a pixel on the rim may be seen that the exact
+            // outline leaves out.
+            let covered = *canvas.at(x, y) || seen;
+            *canvas.at_mut(x, y) = covered;
+            *whole.at_mut(u, v) = covered;
+            *visible.at_mut(u, v) = seen;
         }
         let info = gt_info(&canvas, outline.offset, &visible, depth)?;
         Ok(Self { whole, visible, info })
     }
 }
 
+/// An outline as the lens shows it; what it puts outside of the picture is lost.
+fn distorted(lens: &Lens, outline: &Silhouette) -> Result<Silhouette> {
+    let pinhole = lens.padded();
+    let mut inverse_depth = Image::filled(pinhole.width, pinhole.height, 0.0);
+    for ([x, y], [u, v]) in pixels_inside(outline, pinhole.width, pinhole.height) {
+        *inverse_depth.at_mut(u, v) = *outline.inverse_depth.at(x, y);
+    }
+    let inverse_depth = lens.nearest(&inverse_depth)?;
+    let mut mask = Image::filled(inverse_depth.width(), inverse_depth.height(), false);
+    for (covered, &inverse) in mask.data_mut().iter_mut().zip(inverse_depth.data()) {
+        *covered = inverse > 0.0;
+    }
+    Ok(Silhouette { mask, inverse_depth, offset: [0, 0] })
+}
+
+/// The pixels of an outline's rectangle that lie in an image of that size: in the rectangle, and in the image.
+fn pixels_inside(
+    outline: &Silhouette,
+    width: usize,
+    height: usize,
+) -> impl Iterator<Item = ([usize; 2], [usize; 2])> {
+    let [left, top] = outline.offset.map(i64::from);
+    let (columns, rows) = (outline.mask.width(), outline.mask.height());
+    (0..rows).flat_map(move |y| (0..columns).map(move |x| [x, y])).filter_map(move |[x, y]| {
+        let (u, v) = (usize::try_from(x as i64 + left).ok()?, usize::try_from(y as i64 + top).ok()?);
+        (u < width && v < height).then_some(([x, y], [u, v]))
+    })
+}
+
 /// Share of the outline's pixels that lie in the image.
 fn share_inside(outline: &Silhouette, intrinsics: &Intrinsics) -> f64 {
-    let [left, top] = outline.offset;
-    let (mut all, mut inside) = (0_usize, 0_usize);
-    for y in 0..outline.mask.height() {
-        for x in 0..outline.mask.width() {
-            if *outline.mask.at(x, y) {
-                let (u, v) = (x as i32 + left, y as i32 + top);
-                all += 1;
-                inside += usize::from(
-                    u >= 0 && v >= 0 && u < intrinsics.width as i32 && v < intrinsics.height as i32,
-                );
-            }
-        }
-    }
+    let all = outline.mask.data().iter().filter(|&&covered| covered).count();
+    let inside = pixels_inside(outline, intrinsics.width, intrinsics.height)
+        .filter(|([x, y], _)| *outline.mask.at(*x, *y))
+        .count();
     inside as f64 / all.max(1) as f64
 }

@@ -1,6 +1,6 @@
 //! The whole outline of an object in the picture, whatever stands before it and however far it reaches out of the image.
 
-use nalgebra::{Point2, Point3};
+use nalgebra::Point3;
 
 use super::NEAR;
 use crate::camera::Intrinsics;
@@ -13,6 +13,8 @@ use crate::pose::{Camera, Object, Pose};
 pub struct Silhouette {
     /// The smallest rectangle of pixels that holds the object.
     pub mask: Image<bool>,
+    /// One over the depth of its nearest surface, 1/m; 0 where it covers nothing. Same size as the mask.
+    pub inverse_depth: Image<f32>,
     /// Image pixel of the mask's (0, 0); negative where the object reaches out of the image on the left or above.
     pub offset: [i32; 2],
 }
@@ -26,12 +28,13 @@ pub fn silhouette(
     camera_from_object: &Pose<Camera, Object>,
     intrinsics: &Intrinsics,
 ) -> Option<Silhouette> {
-    let points: Vec<Point2<f64>> = mesh
+    let points: Vec<[f64; 3]> = mesh
         .positions
         .iter()
         .map(|p| {
             let seen: Point3<f64> = camera_from_object.transform_point(&p.cast());
-            (seen.z > NEAR).then(|| intrinsics.project(&seen)).flatten()
+            let at = (seen.z > NEAR).then(|| intrinsics.project(&seen)).flatten()?;
+            Some([at.x, at.y, 1.0 / seen.z])
         })
         .collect::<Option<_>>()?;
     let (mut low, mut high) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
@@ -48,39 +51,60 @@ pub fn silhouette(
         return None;
     }
     let [width, height] = [0, 1].map(|axis| (high[axis] - low[axis]) as usize + 1);
-    let mut mask = Image::filled(width, height, false);
+    let mut inverse_depth = Image::filled(width, height, 0.0);
     for triangle in &mesh.triangles {
-        let corners = triangle.map(|i| points[i as usize] - nalgebra::Vector2::from(low));
-        cover(&mut mask, corners);
+        cover(&mut inverse_depth, triangle.map(|i| {
+            let [x, y, inverse] = points[i as usize];
+            [x - low[0], y - low[1], inverse]
+        }));
     }
-    Some(Silhouette { mask, offset: low.map(|v| v as i32) })
+    let mask = Image::from_vec(width, height, inverse_depth.data().iter().map(|&d| d > 0.0).collect())?;
+    Some(Silhouette { mask, inverse_depth, offset: low.map(|v| v as i32) })
 }
 
-/// Marks the pixels whose centres (at whole numbers) lie in or on a triangle, row by row.
-fn cover(mask: &mut Image<bool>, corners: [Point2<f64>; 3]) {
-    let rows = |pick: fn(f64, f64) -> f64| corners[1..].iter().fold(corners[0].y, |y, c| pick(y, c.y));
+/// Marks the pixels whose centres (at whole numbers) lie in or on a triangle, row by row. Corners are column, row and inverse
+/// depth, which is linear in the image.
+fn cover(nearest: &mut Image<f32>, corners: [[f64; 3]; 3]) {
+    let rows = |pick: fn(f64, f64) -> f64| corners[1..].iter().fold(corners[0][1], |y, c| pick(y, c[1]));
     let first = rows(f64::min).ceil().max(0.0) as usize;
-    let last = rows(f64::max).floor().min(mask.height() as f64 - 1.0);
+    let last = rows(f64::max).floor().min(nearest.height() as f64 - 1.0);
     if last < first as f64 {
         return;
     }
     for v in first..=last as usize {
         let y = v as f64;
-        let (mut left, mut right) = (f64::INFINITY, f64::NEG_INFINITY);
+        // Column and inverse depth where the row enters and leaves.
+        let (mut left, mut right) = ([f64::INFINITY, 0.0], [f64::NEG_INFINITY, 0.0]);
+        let mut meet = |x: f64, inverse: f64| {
+            if x < left[0] {
+                left = [x, inverse];
+            }
+            if x > right[0] {
+                right = [x, inverse];
+            }
+        };
         for (a, b) in [(0, 1), (1, 2), (2, 0)] {
-            let (a, b) = (corners[a], corners[b]);
-            if (a.y - y) * (b.y - y) > 0.0 {
+            let ([ax, ay, ai], [bx, by, bi]) = (corners[a], corners[b]);
+            if (ay - y) * (by - y) > 0.0 {
                 continue;
             }
-            let at = if a.y == b.y { [a.x, b.x] } else { [a.x + (b.x - a.x) * (y - a.y) / (b.y - a.y); 2] };
-            left = left.min(at[0]).min(at[1]);
-            right = right.max(at[0]).max(at[1]);
-        }
-        let (left, right) = (left.ceil().max(0.0), right.floor().min(mask.width() as f64 - 1.0));
-        if left <= right {
-            for u in left as usize..=right as usize {
-                *mask.at_mut(u, v) = true;
+            if ay == by {
+                meet(ax, ai);
+                meet(bx, bi);
+            } else {
+                let share = (y - ay) / (by - ay);
+                meet(ax + (bx - ax) * share, ai + (bi - ai) * share);
             }
+        }
+        let (from, to) = (left[0].ceil().max(0.0), right[0].floor().min(nearest.width() as f64 - 1.0));
+        if from > to {
+            continue;
+        }
+        let slope = (right[1] - left[1]) / (right[0] - left[0]).max(1e-9);
+        for u in from as usize..=to as usize {
+            let inverse = (left[1] + slope * (u as f64 - left[0])) as f32;
+            let pixel = nearest.at_mut(u, v);
+            *pixel = pixel.max(inverse);
         }
     }
 }
@@ -114,6 +138,26 @@ mod tests {
         assert_eq!(seen.offset, [26, 18]);
         assert_eq!((seen.mask.width(), seen.mask.height()), (12, 12));
         assert!(seen.mask.data().iter().all(|&covered| covered));
+        assert!(seen.inverse_depth.data().iter().all(|&d| (d - 1.0).abs() < 1e-6));
+    }
+
+    #[test]
+    fn depth_is_that_of_the_plane() {
+        let tilted = Isometry3::rotation(Vector3::new(0.6, 0.3, 0.0));
+        let pose = Pose::new(Isometry3::translation(0.0, 0.0, 1.0) * tilted);
+        let seen = silhouette(&square(0.2), &pose, &CAMERA).unwrap();
+        let normal = tilted * Vector3::z();
+        for v in 0..seen.mask.height() {
+            for u in 0..seen.mask.width() {
+                let inverse = f64::from(*seen.inverse_depth.at(u, v));
+                if inverse > 0.0 {
+                    let [u, v] = [u as f64 + f64::from(seen.offset[0]), v as f64 + f64::from(seen.offset[1])];
+                    let ray = CAMERA.back_project(u, v, 1.0).coords;
+                    let depth = normal.z / normal.dot(&ray);
+                    assert!((1.0 / inverse - depth).abs() < 1e-5, "{inverse} {depth}");
+                }
+            }
+        }
     }
 
     #[test]
