@@ -118,7 +118,13 @@ pub struct ScenesArgs {
     #[arg(long, value_name = "PRESET")]
     pub depth_noise: Option<String>,
     /// Lens distortion by OpenCV's coefficients k1,k2,p1,p2,k3; pictures, masks and depth are all distorted.
-    #[arg(long, value_name = "K1,K2,P1,P2,K3", value_delimiter = ',', num_args = 1, allow_hyphen_values = true)]
+    #[arg(
+        long,
+        value_name = "K1,K2,P1,P2,K3",
+        value_delimiter = ',',
+        num_args = 1,
+        allow_hyphen_values = true
+    )]
     pub distortion: Vec<f64>,
     /// Name of the split's folder.
     #[arg(long, value_name = "NAME", default_value = "test")]

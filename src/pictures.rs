@@ -2,8 +2,8 @@
 
 use anyhow::{Context, Result};
 use grip_sim::images::{DepthImage, LabelImage, RgbImage};
-use noto_sans_mono_bitmap::{FontWeight, RasterHeight, get_raster};
 use image::{ExtendedColorType, ImageEncoder, codecs::png::PngEncoder};
+use noto_sans_mono_bitmap::{FontWeight, RasterHeight, get_raster};
 
 /// Depth is drawn over this range, metres: what a head camera sees of a table.
 const DRAWN_DEPTH_M: [f32; 2] = [0.5, 1.8];

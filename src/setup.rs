@@ -21,6 +21,7 @@ use grip_sim::scene::Scene;
 use grip_sim::sensor::{self, depth::DepthNoise};
 use nalgebra::Point3;
 use rand::RngExt;
+use rayon::prelude::*;
 
 use crate::assets;
 use crate::cli::SceneArgs;
@@ -63,8 +64,8 @@ impl Setup {
         };
         let scene = Scene::load(&path)?;
         let folder = path.parent().unwrap_or(Path::new("."));
-        let condition = load_condition(folder, condition)?
-            .draw(&mut grip_sim::rng::stream(args.seed, "condition"));
+        let condition =
+            load_condition(folder, condition)?.draw(&mut grip_sim::rng::stream(args.seed, "condition"));
         let urdf = args.robot.clone().unwrap_or_else(|| folder.join(&scene.robot.urdf));
         let robot = Arc::new(RobotModel::load(&urdf, &args.package_path)?);
         let config = Arc::new(RobotConfig::load(&folder.join(&scene.robot.config), &robot)?);
@@ -72,7 +73,7 @@ impl Setup {
         let models = scene
             .objects
             .names
-            .iter()
+            .par_iter()
             .map(|name| library.load(name).with_context(|| format!("{}: objects.names", path.display())))
             .collect::<Result<Vec<_>>>()?;
         let depth_noise = DepthNoise::from_name(&scene.camera.depth_noise)
@@ -99,7 +100,7 @@ impl Setup {
     /// Lays the objects out from the seed and settles them.
     pub fn drop_objects(&self) -> Result<(World, Dropped)> {
         let fresh = || World::new(&self.scene, self.robot.clone(), &self.config, self.start.clone());
-        Ok(drop_objects(&self.scene, &self.models, self.condition.placement, self.seed, fresh)?)
+        Ok(drop_objects(&self.scene, &self.models, self.condition.placement, self.seed, &|_| Ok(()), fresh)?)
     }
 
     /// Takes a picture with the head camera as the robot stands. `shot` numbers the pictures of a run, so that each has
@@ -248,6 +249,12 @@ impl Setup {
     /// The planner for this robot.
     pub fn planner(&self) -> Planner {
         Planner::new(self.robot.clone(), self.config.clone(), PlannerSettings::default())
+    }
+
+    /// The head camera's pose in the start configuration.
+    pub fn head_camera(&self) -> Pose<WorldFrame, Camera> {
+        let base_from_camera = self.robot.fk_link(&self.start, self.config.camera.optical_link);
+        Pose::new(self.scene.world_from_base().iso() * base_from_camera)
     }
 
     /// The camera's pose by forward kinematics of the measured joints.

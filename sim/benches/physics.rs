@@ -27,7 +27,8 @@ fn world() -> (World, RobotConfig) {
     let models: Vec<_> = names.iter().map(|n| library.load(n).unwrap()).collect();
     let q = config.configuration(&robot, &scene.robot.start_pose).unwrap();
     let fresh = || World::new(&scene, robot.clone(), &config, q.clone());
-    let (world, _) = drop_objects(&scene, &models, grip_sim::condition::Placement::Spread, 1, fresh).unwrap();
+    let (world, _) =
+        drop_objects(&scene, &models, grip_sim::condition::Placement::Spread, 1, &|_| Ok(()), fresh).unwrap();
     (world, config)
 }
 

@@ -61,15 +61,16 @@ fn camera() -> Pose<World, Camera> {
 }
 
 fn frame(bencher: divan::Bencher<'_, '_>, choice: RendererChoice, condition: &str) {
-    let condition = ConditionSpec::load_named(&root().join("scenes/conditions"), condition).unwrap().draw(&mut grip_sim::rng::stream(1, "condition"));
+    let condition = ConditionSpec::load_named(&root().join("scenes/conditions"), condition)
+        .unwrap()
+        .draw(&mut grip_sim::rng::stream(1, "condition"));
     let mut renderer = match open(choice) {
         Ok(renderer) => renderer,
         Err(error) => return eprintln!("{error}"),
     };
     let (scene, camera) = (scene(), camera());
-    bencher.bench_local(|| {
-        renderer.render(&scene, &condition.lighting, &Intrinsics::FETCH, &camera).unwrap()
-    });
+    bencher
+        .bench_local(|| renderer.render(&scene, &condition.lighting, &Intrinsics::FETCH, &camera).unwrap());
 }
 
 #[divan::bench(args = ["base", "dark", "light-left"], sample_count = 20)]

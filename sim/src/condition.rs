@@ -152,9 +152,15 @@ impl LightSpec {
 
     fn ranges(&self) -> impl Iterator<Item = (&'static str, &Range)> {
         let vectors = [("position", &self.position), ("target", &self.target), ("color", &self.color)];
-        let single =
-            [("intensity_cd", &self.intensity_cd), ("radius", &self.radius), ("half_angle", &self.half_angle)];
-        vectors.into_iter().flat_map(|(name, ranges)| ranges.iter().map(move |range| (name, range))).chain(single)
+        let single = [
+            ("intensity_cd", &self.intensity_cd),
+            ("radius", &self.radius),
+            ("half_angle", &self.half_angle),
+        ];
+        vectors
+            .into_iter()
+            .flat_map(|(name, ranges)| ranges.iter().map(move |range| (name, range)))
+            .chain(single)
     }
 }
 
@@ -349,7 +355,10 @@ mod tests {
         assert!(light("intensity_cd = 3.0\nhalf_angle = 9.0").contains("half_angle = 9"));
         assert!(light("intensity_cd = 3.0\ncolour = [1, 1, 1]").contains("colour"));
         assert!(error_of("placement = \"spread\"\n[lighting]\nambient_lux = nan").contains("ambient_lux"));
-        assert!(light("intensity_cd = { min = 5.0, max = 3.0 }").contains("lights[0].intensity_cd = { min = 5, max = 3 }"));
+        assert!(
+            light("intensity_cd = { min = 5.0, max = 3.0 }")
+                .contains("lights[0].intensity_cd = { min = 5, max = 3 }")
+        );
         assert!(light("intensity_cd = { min = -5.0, max = 3.0 }").contains("lights[0].intensity_cd = -5"));
         let stacked = "placement = { stacked = { patch = 0.0, lying_fraction = 0.5, touching = 0.5 } }\n[lighting]\nambient_lux = 1";
         assert!(error_of(stacked).contains("stacked.patch = 0"));

@@ -30,8 +30,9 @@ impl Range {
 
     /// What is wrong with it, if anything; the caller adds the field.
     pub fn problem(&self) -> Option<String> {
-        (!(self.min.is_finite() && self.max.is_finite() && self.min <= self.max))
-            .then(|| format!("{{ min = {}, max = {} }}: must be finite, min no larger than max", self.min, self.max))
+        (!(self.min.is_finite() && self.max.is_finite() && self.min <= self.max)).then(|| {
+            format!("{{ min = {}, max = {} }}: must be finite, min no larger than max", self.min, self.max)
+        })
     }
 }
 
@@ -105,7 +106,8 @@ mod tests {
 
     #[test]
     fn numbers_and_ranges_are_read_and_written_back() {
-        let text = "a = 1\nb = { min = -0.5, max = 2.0 }\nc = [0.25, { min = 0, max = 1 }]\n".replace("0, max = 1 ", "0.0, max = 1.0 ");
+        let text = "a = 1\nb = { min = -0.5, max = 2.0 }\nc = [0.25, { min = 0, max = 1 }]\n"
+            .replace("0, max = 1 ", "0.0, max = 1.0 ");
         let file: File = toml::from_str(&text).unwrap();
         assert_eq!(file.a, Range::exactly(1.0));
         assert_eq!(file.b, Range { min: -0.5, max: 2.0 });

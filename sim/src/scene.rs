@@ -6,8 +6,8 @@
 use std::path::{Path, PathBuf};
 
 use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
-use rand::{Rng, RngExt};
 use rand::seq::index;
+use rand::{Rng, RngExt};
 use serde::{Deserialize, Serialize};
 
 use crate::camera::Intrinsics;
@@ -116,8 +116,9 @@ impl Sphere {
         ];
         limits.into_iter().find_map(|(field, range, low, high)| {
             let problem = range.problem().or_else(|| {
-                (range.min < low || range.max > high)
-                    .then(|| format!("{{ min = {}, max = {} }}: must be from {low} to {high}", range.min, range.max))
+                (range.min < low || range.max > high).then(|| {
+                    format!("{{ min = {}, max = {} }}: must be from {low} to {high}", range.min, range.max)
+                })
             })?;
             Some(format!("camera.sphere.{field} = {problem}"))
         })
@@ -128,11 +129,8 @@ impl Sphere {
         let [distance, elevation, azimuth] =
             [self.distance, self.elevation, self.azimuth].map(|range| range.draw(random));
         let target = center + Vector3::from([0, 1, 2].map(|_: usize| self.aim.draw(random)));
-        let away = Vector3::new(
-            -elevation.cos() * azimuth.cos(),
-            -elevation.cos() * azimuth.sin(),
-            elevation.sin(),
-        );
+        let away =
+            Vector3::new(-elevation.cos() * azimuth.cos(), -elevation.cos() * azimuth.sin(), elevation.sin());
         // The optical frame: z towards the target, y down.
         let rotation = UnitQuaternion::face_towards(&-away, &-Vector3::z());
         Pose::new(Isometry3::from_parts((target + away * distance).coords.into(), rotation))
@@ -619,7 +617,9 @@ gap = 0.03
     fn a_count_draws_that_many_different_objects() {
         let ten = (0..10).map(|i| format!("\"{i}\"")).collect::<Vec<_>>().join(", ");
         let with = |count: &str| {
-            let scene = text(|t| t.replace("names = [\"005_tomato_soup_can\"]", &format!("names = [{ten}]\n{count}")));
+            let scene = text(|t| {
+                t.replace("names = [\"005_tomato_soup_can\"]", &format!("names = [{ten}]\n{count}"))
+            });
             toml::from_str::<Scene>(&scene).unwrap()
         };
         assert_eq!(with("").objects.draw(3), (0..10).collect::<Vec<_>>());

@@ -224,7 +224,9 @@ fn both_renderers_draw_the_same_scene() {
     let scene = tabletop();
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../scenes/conditions");
     for name in ["base", "light-left"] {
-        let condition = ConditionSpec::load_named(&folder, name).unwrap().draw(&mut grip_sim::rng::stream(1, "condition"));
+        let condition = ConditionSpec::load_named(&folder, name)
+            .unwrap()
+            .draw(&mut grip_sim::rng::stream(1, "condition"));
         let draw = |renderer: &mut dyn Renderer| {
             renderer.render(&scene, &condition.lighting, &Intrinsics::FETCH, &shapes::head_camera()).unwrap()
         };
@@ -329,8 +331,12 @@ fn what_cannot_be_drawn_is_refused_with_a_reason() {
 
 #[test]
 fn auto_always_finds_a_renderer_and_frames_repeat() {
-    let condition =
-        ConditionSpec::load_named(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../scenes/conditions"), "dark").unwrap().draw(&mut grip_sim::rng::stream(1, "condition"));
+    let condition = ConditionSpec::load_named(
+        &Path::new(env!("CARGO_MANIFEST_DIR")).join("../scenes/conditions"),
+        "dark",
+    )
+    .unwrap()
+    .draw(&mut grip_sim::rng::stream(1, "condition"));
     let mut renderer = open(RendererChoice::Auto).unwrap();
     let scene = one(cuboid([0.3; 3], 1.0), Material::default(), at([0.0, 0.0, 1.0], 0.3), 4);
     let mut take = |seed| {

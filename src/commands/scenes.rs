@@ -29,7 +29,8 @@ pub fn run(args: &ScenesArgs) -> Result<Done> {
     let device = render::open(args.scene.renderer.into())?.device();
     let plan = Plan::new(args, &setup, device)?;
     plan.claim(&args.out, args.resume)?;
-    let jobs = args.jobs.unwrap_or_else(|| std::thread::available_parallelism().map_or(1, |n| n.get() as u32));
+    let jobs =
+        args.jobs.unwrap_or_else(|| std::thread::available_parallelism().map_or(1, |n| n.get() as u32));
 
     let began = Instant::now();
     let progress = bar();
@@ -45,12 +46,13 @@ pub fn run(args: &ScenesArgs) -> Result<Done> {
 
 /// Reduces the scene to the objects named.
 fn choose(setup: &mut Setup, names: &[String]) -> Result<()> {
-    let models: Vec<Arc<ObjectModel>> = names
-        .iter()
-        .map(|name| setup.library.load(name).context("--objects"))
-        .collect::<Result<_>>()?;
+    let models: Vec<Arc<ObjectModel>> =
+        names.iter().map(|name| setup.library.load(name).context("--objects")).collect::<Result<_>>()?;
     for (i, name) in names.iter().enumerate() {
-        anyhow::ensure!(!names[..i].contains(name), "--objects: '{name}' stands twice; each object may stand once");
+        anyhow::ensure!(
+            !names[..i].contains(name),
+            "--objects: '{name}' stands twice; each object may stand once"
+        );
     }
     if let Some(count) = &mut setup.scene.objects.count {
         count.min = count.min.min(names.len());

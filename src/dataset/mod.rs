@@ -51,10 +51,12 @@ pub fn make(
     progress: &ProgressBar,
 ) -> Result<Made> {
     let split = out.join(&plan.split);
-    std::fs::create_dir_all(&split)
-        .with_context(|| format!("{}: cannot make the folder; check permissions or choose another --out", split.display()))?;
+    std::fs::create_dir_all(&split).with_context(|| {
+        format!("{}: cannot make the folder; check permissions or choose another --out", split.display())
+    })?;
     for folder in [out, &split] {
-        sweep(folder).with_context(|| format!("{}: cannot remove what a killed run has left", folder.display()))?;
+        sweep(folder)
+            .with_context(|| format!("{}: cannot remove what a killed run has left", folder.display()))?;
     }
     let missing: Vec<u32> = (1..=plan.scenes).filter(|i| !split.join(format!("{i:06}")).exists()).collect();
     let kept = plan.scenes - missing.len() as u32;
@@ -86,9 +88,7 @@ pub fn make(
     let workers = (jobs as usize).clamp(1, missing.len().max(1));
     std::thread::scope(|scope| {
         let handles: Vec<_> = (0..workers)
-            .map(|_| {
-                scope.spawn(|| worker().inspect_err(|_| stop.store(true, Ordering::Relaxed)))
-            })
+            .map(|_| scope.spawn(|| worker().inspect_err(|_| stop.store(true, Ordering::Relaxed))))
             .collect();
         handles.into_iter().try_for_each(|handle| match handle.join() {
             Ok(result) => result,
@@ -116,9 +116,12 @@ fn targets(dataset: &Dataset) -> Result<Vec<Target>> {
                     *counts.entry(truth.obj_id).or_default() += 1;
                 }
             }
-            targets.extend(
-                counts.into_iter().map(|(obj_id, inst_count)| Target { scene_id, im_id, obj_id, inst_count }),
-            );
+            targets.extend(counts.into_iter().map(|(obj_id, inst_count)| Target {
+                scene_id,
+                im_id,
+                obj_id,
+                inst_count,
+            }));
         }
     }
     Ok(targets)

@@ -82,7 +82,8 @@ impl Plan {
                 view.name
             );
         }
-        let depth_noise_name = args.depth_noise.clone().unwrap_or_else(|| setup.scene.camera.depth_noise.clone());
+        let depth_noise_name =
+            args.depth_noise.clone().unwrap_or_else(|| setup.scene.camera.depth_noise.clone());
         let depth_noise = DepthNoise::from_name(&depth_noise_name).context("--depth-noise")?;
         let distortion = distortion(&args.distortion, &setup.intrinsics)?;
         let plain = |c: char| c.is_ascii_alphanumeric() || c == '-' || c == '_';
@@ -126,7 +127,10 @@ impl Plan {
         let path = out.join("dataset.json");
         let text = serde_json::to_string_pretty(self)? + "\n";
         let occupied = out.exists()
-            && std::fs::read_dir(out).with_context(|| format!("{}: cannot read", out.display()))?.next().is_some();
+            && std::fs::read_dir(out)
+                .with_context(|| format!("{}: cannot read", out.display()))?
+                .next()
+                .is_some();
         if occupied {
             let Ok(earlier) = std::fs::read_to_string(&path) else {
                 bail!("{}: exists and is no data set of this program; choose another --out", out.display());
@@ -144,8 +148,9 @@ impl Plan {
             );
             return Ok(());
         }
-        std::fs::create_dir_all(out)
-            .with_context(|| format!("{}: cannot make the folder; check permissions or choose another --out", out.display()))?;
+        std::fs::create_dir_all(out).with_context(|| {
+            format!("{}: cannot make the folder; check permissions or choose another --out", out.display())
+        })?;
         Ok(bop::write_atomic(&path, text.as_bytes())?)
     }
 

@@ -4,7 +4,7 @@ use std::path::Path;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use anyhow::{Result, bail};
+use anyhow::Result;
 use grip_sim::bop::{FrameFiles, GtInfo, ObjectInFrame, SceneWriter, gt_info};
 use grip_sim::camera::Intrinsics;
 use grip_sim::condition::Condition;
@@ -26,8 +26,6 @@ use super::plan::{DEPTH_SCALE_MM, Plan, View};
 use crate::cli::CameraPlace;
 use crate::setup::Setup;
 
-/// Layouts tried before a scene is given up.
-const ATTEMPTS: u64 = 30;
 /// Least share of an object's silhouette that must be seen, and that must lie inside the picture.
 const LEAST_VISIBLE: f64 = 0.1;
 const LEAST_INSIDE: f64 = 0.6;
@@ -189,82 +187,38 @@ impl Making<'_> {
     fn layout(&mut self, view: &View, condition: &Condition) -> Result<Layout> {
         let Self { setup, scene, models, .. } = *self;
         let name = if self.plan.shares_layout(view) { "shared" } else { view.name.as_str() };
-        let mut last = String::new();
-        for attempt in 0..ATTEMPTS {
-            let began = Instant::now();
-            let seed: u64 = rng::stream(self.seed, &format!("layout/{name}/{attempt}")).random();
-            let fresh = || World::new(scene, setup.robot.clone(), &setup.config, setup.start.clone());
-            let (world, dropped) = drop_objects(scene, models, condition.placement, seed, fresh)?;
-            self.rejected.extend(dropped.rejected.into_iter().map(|reason| format!("{name}: {reason}")));
-            let world_from_camera = match self.plan.camera {
-                CameraPlace::Head => setup.world_from_camera(&world),
-                CameraPlace::Sphere => {
-                    let [x, y] = scene.objects.center;
-                    let center = Point3::new(x, y, scene.table.height + 0.03);
-                    scene.camera.sphere.draw(&center, &mut rng::stream(seed, "camera"))
-                }
-            };
-            self.timings.physics += began.elapsed();
-            match self.look(&world, world_from_camera)? {
-                Ok(layout) => return Ok(layout),
-                Err(reason) => last = reason,
-            }
-            self.rejected.push(format!("{name}: {last}"));
-        }
-        bail!(
-            "no layout for frame {} in {ATTEMPTS} attempts, last: {last}; enlarge objects.size, move the camera, or use \
-             fewer objects",
-            view.name
-        )
-    }
-
-    /// The layout as seen, or why it will not do.
-    fn look(
-        &mut self,
-        world: &World,
-        world_from_camera: Pose<WorldFrame, Camera>,
-    ) -> Result<std::result::Result<Layout, String>> {
         let began = Instant::now();
-        let camera_from_world = world_from_camera.inverse();
-        let camera_from_object: Vec<_> =
-            (0..self.models.len()).map(|i| camera_from_world * world.truth(i)).collect();
-        let mut outlines = Vec::new();
+        let seed: u64 = rng::stream(self.seed, &format!("layout/{name}")).random();
+        let world_from_camera = match self.plan.camera {
+            CameraPlace::Head => setup.head_camera(),
+            CameraPlace::Sphere => {
+                let [x, y] = scene.objects.center;
+                let center = Point3::new(x, y, scene.table.height + 0.03);
+                scene.camera.sphere.draw(&center, &mut rng::stream(seed, "camera"))
+            }
+        };
         let pinhole = self.plan.pinhole();
-        let mut front = Image::filled(pinhole.width, pinhole.height, (0.0, 0));
-        for (i, (model, pose)) in self.models.iter().zip(&camera_from_object).enumerate() {
-            let name = &model.info.name;
-            let Some(outline) = render::silhouette(&model.visual.mesh, pose, pinhole) else {
-                return Ok(Err(format!("{name} is out of the picture")));
-            };
-            let inside = share_inside(&outline, pinhole);
-            if inside < LEAST_INSIDE {
-                return Ok(Err(format!("only {:.0} % of {name} are in the picture", 100.0 * inside)));
-            }
-            for ([x, y], [u, v]) in pixels_inside(&outline, pinhole.width, pinhole.height) {
-                let (inverse, nearest) = front.at_mut(u, v);
-                let here = *outline.inverse_depth.at(x, y);
-                if here > *inverse {
-                    (*inverse, *nearest) = (here, i + 1);
-                }
-            }
-            outlines.push(outline);
-        }
-        for (i, (model, outline)) in self.models.iter().zip(&outlines).enumerate() {
-            let seen = front.data().iter().filter(|(_, nearest)| *nearest == i + 1).count();
-            let all = outline.mask.data().iter().filter(|&&covered| covered).count();
-            if (seen as f64) < LEAST_VISIBLE * all as f64 {
-                return Ok(Err(format!("only {seen} of {all} pixels of {} are seen", model.info.name)));
-            }
-        }
+        let accept = |world: &World| outlines(world, &world_from_camera, pinhole).map(|_| ());
+        let fresh = || World::new(scene, setup.robot.clone(), &setup.config, setup.start.clone());
+        let dropped = drop_objects(scene, models, condition.placement, seed, &accept, fresh);
+        self.timings.physics += began.elapsed();
+        let (world, dropped) = dropped?;
+        self.rejected.extend(dropped.rejected.into_iter().map(|reason| format!("{name}: {reason}")));
+        let mut outlines = outlines(&world, &world_from_camera, pinhole).map_err(anyhow::Error::msg)?;
         if let Some(lens) = &self.plan.lens {
             outlines = outlines.iter().map(|outline| distorted(lens, outline)).collect::<Result<_>>()?;
         }
-        self.timings.masks += began.elapsed();
-        let scene = (self.show)(world);
-        Ok(Ok(Layout { scene, world_from_camera, camera_from_object, outlines }))
+        let camera_from_object =
+            (0..models.len()).map(|i| world_from_camera.inverse() * world.truth(i)).collect();
+        Ok(Layout { scene: (self.show)(&world), world_from_camera, camera_from_object, outlines })
     }
 
-    fn draw(&mut self, layout: &Layout, condition: &Condition, renderer: &mut dyn Renderer) -> Result<Rendering> {
+    fn draw(
+        &mut self,
+        layout: &Layout,
+        condition: &Condition,
+        renderer: &mut dyn Renderer,
+    ) -> Result<Rendering> {
         let began = Instant::now();
         let mut rendering = renderer.render(
             &layout.scene,
@@ -335,6 +289,48 @@ impl Making<'_> {
         self.timings.write += began.elapsed();
         Ok(())
     }
+}
+
+/// The outline of each object of a world, or the first one that is not well in the picture, or hidden by the others.
+fn outlines(
+    world: &World,
+    world_from_camera: &Pose<WorldFrame, Camera>,
+    pinhole: &Intrinsics,
+) -> std::result::Result<Vec<Silhouette>, String> {
+    let camera_from_world = world_from_camera.inverse();
+    let mut outlines = Vec::new();
+    let mut front = Image::filled(pinhole.width, pinhole.height, (0.0, usize::MAX));
+    for i in 0..world.object_count() {
+        let model = world.object(i);
+        let name = &model.info.name;
+        let outline = render::silhouette(&model.visual.mesh, &(camera_from_world * world.truth(i)), pinhole)
+            .ok_or_else(|| format!("{name} is out of the picture"))?;
+        let inside = share_inside(&outline, pinhole);
+        if inside < LEAST_INSIDE {
+            return Err(format!("only {:.0} % of {name} are in the picture", 100.0 * inside));
+        }
+        for ([x, y], [u, v]) in pixels_inside(&outline, pinhole.width, pinhole.height) {
+            let (inverse, nearest) = front.at_mut(u, v);
+            let here = *outline.inverse_depth.at(x, y);
+            if here > *inverse {
+                (*inverse, *nearest) = (here, i);
+            }
+        }
+        outlines.push(outline);
+    }
+    let mut seen = vec![0_usize; outlines.len()];
+    for (_, nearest) in front.data() {
+        if let Some(count) = seen.get_mut(*nearest) {
+            *count += 1;
+        }
+    }
+    for (i, (outline, seen)) in outlines.iter().zip(seen).enumerate() {
+        let all = outline.mask.data().iter().filter(|&&covered| covered).count();
+        if (seen as f64) < LEAST_VISIBLE * all as f64 {
+            return Err(format!("only {seen} of {all} pixels of {} are seen", world.object(i).info.name));
+        }
+    }
+    Ok(outlines)
 }
 
 /// The masks of one object in one frame.

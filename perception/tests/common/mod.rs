@@ -44,7 +44,14 @@ pub fn object(name: &str, positions: Vec<Point3<f32>>, triangles: Vec<[u32; 3]>)
             half_turns: vec![],
         },
         visual: Arc::new(Visual {
-            mesh: Arc::new(Mesh { positions, normals, uvs: vec![], colors: vec![], finish: vec![], triangles }),
+            mesh: Arc::new(Mesh {
+                positions,
+                normals,
+                uvs: vec![],
+                colors: vec![],
+                finish: vec![],
+                triangles,
+            }),
             material: Material::default(),
         }),
         collision: vec![],

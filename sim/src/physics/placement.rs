@@ -30,6 +30,10 @@ const SETTLE_S: f64 = 6.0;
 /// The same for a heap, whose objects have come down one after another.
 const HEAP_SETTLE_S: f64 = 2.0;
 
+/// What a layout must meet beyond lying well on the table, such as being seen; the reason why it does not. Asked of heaps
+/// after each object, when only those laid so far are in the world.
+pub type Accept<'a> = dyn Fn(&World) -> std::result::Result<(), String> + 'a;
+
 /// How the objects got where they are.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Dropped {
@@ -44,7 +48,7 @@ pub struct Dropped {
 /// Spread: upright or (for the scene's share) on a side, turned about the vertical by a random angle, outlines apart by
 /// the scene's gap. Stacked: one after another in random orientations on a smaller patch. A layout in which something
 /// falls off the table, into the bin, or does not come to rest is thrown away; when spread, also one in which objects
-/// rolled against each other.
+/// rolled against each other; and one that `accept` refuses.
 ///
 /// # Errors
 /// When no layout succeeds: the message holds the reasons and what to change.
@@ -53,6 +57,7 @@ pub fn drop_objects(
     models: &[Arc<ObjectModel>],
     placement: Placement,
     seed: u64,
+    accept: &Accept<'_>,
     mut fresh: impl FnMut() -> Result<World>,
 ) -> Result<(World, Dropped)> {
     let mut rejected = Vec::new();
@@ -60,8 +65,10 @@ pub fn drop_objects(
         let mut random = rng::stream(seed, &format!("placement/{attempt}"));
         let mut world = fresh()?;
         let laid_out = match placement {
-            Placement::Spread => spread(&mut world, scene, models, &mut random)?,
-            Placement::Stacked(heap) => stack(&mut world, scene, models, heap, &mut random)?,
+            Placement::Spread => {
+                spread(&mut world, scene, models, &mut random)?.and_then(|()| accept(&world))
+            }
+            Placement::Stacked(heap) => stack(&mut world, scene, models, heap, accept, &mut random)?,
         };
         let outcome = laid_out.and_then(|()| {
             let began = world.time();
@@ -82,7 +89,8 @@ pub fn drop_objects(
                 Placement::Spread => touching(&world),
                 Placement::Stacked(heap) => too_loose(&world, heap.touching),
             };
-            astray(&world, scene).or(wrong).map_or(Ok(settle_s), Err)
+            astray(&world, scene).or(wrong).map_or_else(|| accept(&world), Err)?;
+            Ok(settle_s)
         });
         match outcome {
             Ok(settle_s) => {
@@ -238,14 +246,15 @@ fn stack(
     scene: &Scene,
     models: &[Arc<ObjectModel>],
     heap: Stacked,
+    accept: &Accept<'_>,
     random: &mut ChaCha8Rng,
 ) -> Result<LaidOut> {
     /// Places tried for each object before the heap is given up.
-    const TRIES: usize = 4;
+    const TRIES: usize = 6;
     /// What moves farther than this in a fifth of a second is about to roll away, metres.
     const ROLLING_M: f64 = 0.015;
     /// Time given to each object to fall on the heap before the next one follows, seconds.
-    const FALL_S: f64 = 1.0;
+    const FALL_S: f64 = 0.8;
     let region = &scene.objects;
     let placed = |model: &ObjectModel| region.placed.iter().find(|p| p.name == model.info.name);
     for model in models {
@@ -270,7 +279,7 @@ fn stack(
             let at_rest = calm(world, FALL_S);
             laid = match astray(world, scene) {
                 Some(reason) => Err(reason),
-                None if at_rest || world.drift(DRIFT_S) < ROLLING_M => Ok(()),
+                None if at_rest || world.drift(DRIFT_S) < ROLLING_M => accept(world),
                 None => Err(format!("{} rolls about", model.info.name)),
             };
             if laid.is_ok() {

@@ -282,7 +282,10 @@ impl World {
         let body = self.physics.bodies.get(self.objects[index].body);
         body.into_iter().flat_map(|body| body.colliders()).filter_map(|handle| {
             let aabb = self.physics.colliders.get(*handle)?.compute_aabb();
-            Some(([aabb.mins.x, aabb.mins.y, aabb.mins.z].map(f64::from), [aabb.maxs.x, aabb.maxs.y, aabb.maxs.z].map(f64::from)))
+            Some((
+                [aabb.mins.x, aabb.mins.y, aabb.mins.z].map(f64::from),
+                [aabb.maxs.x, aabb.maxs.y, aabb.maxs.z].map(f64::from),
+            ))
         })
     }
 

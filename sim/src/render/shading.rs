@@ -73,7 +73,11 @@ pub(super) struct ViewBounce {
 }
 
 impl ViewLighting {
-    pub fn new(lighting: &Lighting, bounce: Option<&Bounce>, world_from_camera: &Pose<World, Camera>) -> Self {
+    pub fn new(
+        lighting: &Lighting,
+        bounce: Option<&Bounce>,
+        world_from_camera: &Pose<World, Camera>,
+    ) -> Self {
         let camera_from_world = world_from_camera.inverse();
         let lights: Vec<ViewLight> = lighting
             .lights
@@ -252,11 +256,7 @@ mod tests {
             radius: 0.0,
             shadows: false,
         };
-        ViewLighting::new(
-            &Lighting { lights: vec![light], ..Lighting::default() },
-            None,
-            &Pose::identity(),
-        )
+        ViewLighting::new(&Lighting { lights: vec![light], ..Lighting::default() }, None, &Pose::identity())
     }
 
     #[test]

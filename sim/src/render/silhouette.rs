@@ -46,17 +46,21 @@ pub fn silhouette(
     }
     let (low, high) = (low.map(f64::ceil), high.map(f64::floor));
     let size = [intrinsics.width as f64, intrinsics.height as f64];
-    let fits = |axis: usize| low[axis] >= -size[axis] && high[axis] < 2.0 * size[axis] && low[axis] <= high[axis];
+    let fits =
+        |axis: usize| low[axis] >= -size[axis] && high[axis] < 2.0 * size[axis] && low[axis] <= high[axis];
     if !(fits(0) && fits(1)) {
         return None;
     }
     let [width, height] = [0, 1].map(|axis| (high[axis] - low[axis]) as usize + 1);
     let mut inverse_depth = Image::filled(width, height, 0.0);
     for triangle in &mesh.triangles {
-        cover(&mut inverse_depth, triangle.map(|i| {
-            let [x, y, inverse] = points[i as usize];
-            [x - low[0], y - low[1], inverse]
-        }));
+        cover(
+            &mut inverse_depth,
+            triangle.map(|i| {
+                let [x, y, inverse] = points[i as usize];
+                [x - low[0], y - low[1], inverse]
+            }),
+        );
     }
     let mask = Image::from_vec(width, height, inverse_depth.data().iter().map(|&d| d > 0.0).collect())?;
     Some(Silhouette { mask, inverse_depth, offset: low.map(|v| v as i32) })
@@ -114,8 +118,7 @@ mod tests {
     use super::*;
     use nalgebra::{Isometry3, Vector3};
 
-    const CAMERA: Intrinsics =
-        Intrinsics { width: 64, height: 48, fx: 60.0, fy: 60.0, cx: 31.5, cy: 23.5 };
+    const CAMERA: Intrinsics = Intrinsics { width: 64, height: 48, fx: 60.0, fy: 60.0, cx: 31.5, cy: 23.5 };
 
     fn square(half: f32) -> Mesh {
         let corner = |x: f32, y: f32| Point3::new(x * half, y * half, 0.0);

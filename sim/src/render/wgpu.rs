@@ -67,6 +67,16 @@ pub struct WgpuRenderer {
     views: Buffer,
     instances: Buffer,
     targets: Option<Targets>,
+    /// What the geometry images in `targets` show, so that the same view in another light is only lit anew.
+    shown: Option<Shown>,
+}
+
+/// All that geometry depends on. The cache holds what the addresses belong to until the next frame.
+#[derive(PartialEq)]
+struct Shown {
+    instances: Vec<(usize, Option<usize>, [f32; 5], Isometry3<f64>, u16)>,
+    intrinsics: Intrinsics,
+    world_from_camera: Isometry3<f64>,
 }
 
 /// Counterpart of `Light` in `light.wgsl`.
@@ -155,6 +165,7 @@ impl WgpuRenderer {
             shadow_maps: ShadowMaps::new(&gpu, shadow_map_size, 1),
             shadow_map_size,
             targets: None,
+            shown: None,
             cache,
             pipelines,
             gpu,
@@ -250,11 +261,8 @@ impl WgpuRenderer {
                 2.0 * (cy - dv + 0.5) / h - 1.0,
             ];
             let at = (i * UNIFORM_ALIGNMENT) as u64;
-            let view = ViewUniform {
-                projection: projection.map(|v| v as f32),
-                near: NEAR as f32,
-                padding: [0; 3],
-            };
+            let view =
+                ViewUniform { projection: projection.map(|v| v as f32), near: NEAR as f32, padding: [0; 3] };
             self.gpu.queue.write_buffer(&self.projections, at, bytemuck::bytes_of(&view));
         }
         let bounce = lighting.bounce;
@@ -335,7 +343,7 @@ impl WgpuRenderer {
         }
     }
 
-    fn draw_camera(&self, encoder: &mut CommandEncoder, drawn: &[&Instance], targets: &Targets) {
+    fn draw_geometry(&self, encoder: &mut CommandEncoder, drawn: &[&Instance], targets: &Targets) {
         let view = bind(
             &self.gpu.device,
             &self.pipelines.view_group,
@@ -359,13 +367,6 @@ impl WgpuRenderer {
         }
         drop(pass);
 
-        let frame = bind(
-            &self.gpu.device,
-            &self.pipelines.frame_group,
-            &[self.frame.as_entire_binding(), BindingResource::TextureView(&self.shadow_maps.all)],
-        );
-        let lit = if self.smooth_edges { &targets.color } else { &targets.smooth };
-        whole_picture(encoder, &self.pipelines.light, lit, &[&frame, &targets.surface_group]);
         if !self.smooth_edges {
             return;
         }
@@ -382,7 +383,19 @@ impl WgpuRenderer {
                 self.draw_mesh(&mut pass, i, instance);
             }
         }
-        whole_picture(encoder, &self.pipelines.smooth, &targets.smooth, &[&targets.smooth_group]);
+    }
+
+    fn light_up(&self, encoder: &mut CommandEncoder, targets: &Targets) {
+        let frame = bind(
+            &self.gpu.device,
+            &self.pipelines.frame_group,
+            &[self.frame.as_entire_binding(), BindingResource::TextureView(&self.shadow_maps.all)],
+        );
+        let lit = if self.smooth_edges { &targets.color } else { &targets.smooth };
+        whole_picture(encoder, &self.pipelines.light, lit, &[&frame, &targets.surface_group]);
+        if self.smooth_edges {
+            whole_picture(encoder, &self.pipelines.smooth, &targets.smooth, &[&targets.smooth_group]);
+        }
     }
 
     fn draw_mesh(&self, pass: &mut RenderPass<'_>, index: usize, instance: &Instance) {
@@ -429,12 +442,19 @@ impl Renderer for WgpuRenderer {
         }
         let targets = match self.targets.take() {
             Some(targets) if (targets.width, targets.height) == (width, height) => targets,
-            _ => Targets::new(&self.gpu, &self.pipelines, width, height),
+            _ => {
+                self.shown = None;
+                Targets::new(&self.gpu, &self.pipelines, width, height)
+            }
         };
 
+        let shown = Shown::new(&drawn, intrinsics, world_from_camera);
         let mut encoder = self.gpu.device.create_command_encoder(&Default::default());
         self.draw_shadows(&mut encoder, &drawn, views);
-        self.draw_camera(&mut encoder, &drawn, &targets);
+        if self.shown.as_ref() != Some(&shown) {
+            self.draw_geometry(&mut encoder, &drawn, &targets);
+        }
+        self.light_up(&mut encoder, &targets);
         targets.copy_back(&mut encoder);
         self.gpu.queue.submit([encoder.finish()]);
 
@@ -460,6 +480,7 @@ impl Renderer for WgpuRenderer {
             );
         })?;
         self.targets = Some(targets);
+        self.shown = Some(shown);
         let whole = || failed("the picture came back incomplete");
         Ok(Rendering {
             radiance: Image::from_vec(width, height, luminances).ok_or_else(whole)?,
@@ -467,6 +488,23 @@ impl Renderer for WgpuRenderer {
             labels: Image::from_vec(width, height, label_data).ok_or_else(whole)?,
             cos_incidence: Image::from_vec(width, height, cosines).ok_or_else(whole)?,
         })
+    }
+}
+
+impl Shown {
+    fn new(drawn: &[&Instance], intrinsics: &Intrinsics, world_from_camera: &Pose<World, Camera>) -> Self {
+        let instances = drawn.iter().map(|instance| {
+            let material = &instance.visual.material;
+            let [r, g, b] = material.base_color;
+            let looks = [r, g, b, material.roughness, material.metallic];
+            let texture = material.texture.as_ref().map(cache::key);
+            (cache::key(&instance.visual.mesh), texture, looks, instance.pose, instance.label)
+        });
+        Self {
+            instances: instances.collect(),
+            intrinsics: *intrinsics,
+            world_from_camera: *world_from_camera.iso(),
+        }
     }
 }
 

@@ -30,7 +30,7 @@ const ODDS: &[(Family, u32)] = &[
     (Tiles, 3),
 ];
 /// They are seen from afar.
-const SIDE_PX: u32 = 256;
+const SIDE_PX: u32 = 128;
 /// Free floor between the cell and what stands behind it, metres.
 const BEHIND_M: f64 = 0.15;
 /// Free floor at the cell's sides, where the robot's elbow may go, metres.

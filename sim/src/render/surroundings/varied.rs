@@ -33,11 +33,18 @@ const WALL: &Odds =
     &[(Plaster, 45), (Brick, 14), (Tiles, 10), (Wood, 9), (Plain, 9), (Print, 8), (Clutter, 5)];
 
 /// Side of the pictures of the large parts, pixels: at 0.8 m a repeat, as fine as the camera sees a table 1 m away.
-const LARGE_PX: u32 = 512;
+const TABLE_PX: u32 = 512;
+/// The same for what is farther off, or small.
+const OTHER_PX: u32 = 256;
 
 pub(super) fn furniture(fixtures: &[Fixture], seed: u64) -> Furniture {
     let part = |name: &str, odds: &Odds, scale| {
-        look(odds, scale, LARGE_PX, &mut rng::stream(seed, &format!("surroundings/{name}")))
+        look(
+            odds,
+            scale,
+            if name == "table" { TABLE_PX } else { OTHER_PX },
+            &mut rng::stream(seed, &format!("surroundings/{name}")),
+        )
     };
     let cell = Cell::of(fixtures);
     let wall_x = cell.high[0] + rng::stream(seed, "surroundings/room").random_range(0.9..3.6);

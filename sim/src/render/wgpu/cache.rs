@@ -119,7 +119,10 @@ fn upload_mesh(gpu: &Gpu, mesh: &Mesh) -> GpuMesh {
                 normal: mesh.normals[i].into(),
                 uv: mesh.uvs.get(i).copied().unwrap_or_default(),
                 color: [color[0], color[1], color[2], if mesh.finish.is_empty() { 0 } else { u16::MAX }],
-                finish: mesh.finish.get(i).map_or([0; 4], |&[roughness, metallic]| [roughness, metallic, 0, 0]),
+                finish: mesh
+                    .finish
+                    .get(i)
+                    .map_or([0; 4], |&[roughness, metallic]| [roughness, metallic, 0, 0]),
             }
         })
         .collect();

@@ -145,8 +145,8 @@ fn cube_face(v: vec3f) -> i32 {
     return select(5, 4, v.z > 0.0);
 }
 
-const SEARCH_TAPS = 8;
-const SHADOW_TAPS = 12;
+const SEARCH_TAPS = 6;
+const SHADOW_TAPS = 10;
 // Nothing that casts a shadow stands farther from where it falls than this share of the light's distance.
 const NEAREST_BLOCKER = 0.7;
 

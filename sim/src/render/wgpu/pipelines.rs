@@ -2,11 +2,11 @@
 
 use wgpu::{
     BindGroup, BindGroupDescriptor, BindGroupEntry, BindGroupLayout, BindGroupLayoutDescriptor,
-    BindGroupLayoutEntry, BindingResource, BindingType,
-    BufferBindingType, ColorTargetState, CompareFunction, DepthStencilState, Device, FragmentState, MultisampleState,
-    PipelineLayoutDescriptor, PrimitiveState, RenderPipeline, RenderPipelineDescriptor, SamplerBindingType,
-    ShaderModule, ShaderModuleDescriptor, ShaderSource, ShaderStages, TextureFormat, TextureSampleType,
-    TextureViewDimension, VertexBufferLayout, VertexState, VertexStepMode, vertex_attr_array,
+    BindGroupLayoutEntry, BindingResource, BindingType, BufferBindingType, ColorTargetState, CompareFunction,
+    DepthStencilState, Device, FragmentState, MultisampleState, PipelineLayoutDescriptor, PrimitiveState,
+    RenderPipeline, RenderPipelineDescriptor, SamplerBindingType, ShaderModule, ShaderModuleDescriptor,
+    ShaderSource, ShaderStages, TextureFormat, TextureSampleType, TextureViewDimension, VertexBufferLayout,
+    VertexState, VertexStepMode, vertex_attr_array,
 };
 
 use super::cache::Vertex;

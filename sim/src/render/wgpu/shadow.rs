@@ -35,10 +35,22 @@ impl ShadowViews {
         let stretch = (self.far / (self.far - self.near)) as f32;
         let scale = (1.0 / self.tangent) as f32;
         Matrix4::from_row_slice(&[
-            scale, 0.0, 0.0, 0.0, //
-            0.0, scale, 0.0, 0.0, //
-            0.0, 0.0, stretch, -(self.near as f32) * stretch, //
-            0.0, 0.0, 1.0, 0.0,
+            scale,
+            0.0,
+            0.0,
+            0.0, //
+            0.0,
+            scale,
+            0.0,
+            0.0, //
+            0.0,
+            0.0,
+            stretch,
+            -(self.near as f32) * stretch, //
+            0.0,
+            0.0,
+            1.0,
+            0.0,
         ])
     }
 }
@@ -142,7 +154,8 @@ mod tests {
             for direction in [Vector3::x(), Vector3::y(), Vector3::z()] {
                 for sign in [-1.0, 1.0] {
                     let p = (caster.center + direction * (sign * caster.radius)).cast::<f32>();
-                    let clip = views.projection() * views.light_from_camera[0] * Vector4::new(p.x, p.y, p.z, 1.0);
+                    let clip =
+                        views.projection() * views.light_from_camera[0] * Vector4::new(p.x, p.y, p.z, 1.0);
                     let ndc = clip.xyz() / clip.w;
                     assert!(ndc.x.abs() <= 1.0 && ndc.y.abs() <= 1.0, "{ndc}");
                     assert!((0.0..=1.0).contains(&ndc.z), "{ndc}");

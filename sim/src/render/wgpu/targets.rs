@@ -1,14 +1,14 @@
 //! The images that are drawn into, and their way back to main memory.
 
 use wgpu::{
-    BindGroup, BindingResource, Buffer, BufferDescriptor, BufferUsages, CommandEncoder, Extent3d, MapMode, PollType, TexelCopyBufferInfo,
-    TexelCopyBufferLayout, Texture, TextureDescriptor, TextureDimension, TextureFormat, TextureUsages,
-    TextureView, TextureViewDescriptor, TextureViewDimension,
+    BindGroup, BindingResource, Buffer, BufferDescriptor, BufferUsages, CommandEncoder, Extent3d, MapMode,
+    PollType, TexelCopyBufferInfo, TexelCopyBufferLayout, Texture, TextureDescriptor, TextureDimension,
+    TextureFormat, TextureUsages, TextureView, TextureViewDescriptor, TextureViewDimension,
 };
 
 use super::device::Gpu;
-use super::pipelines::{ALBEDO, COLOR, COS, DEPTH, DEPTH_BUFFER, NORMAL, Pipelines, SURFACE, bind};
 use super::failed;
+use super::pipelines::{ALBEDO, COLOR, COS, DEPTH, DEPTH_BUFFER, NORMAL, Pipelines, SURFACE, bind};
 use crate::error::Result;
 
 /// Rows in a copy start at multiples of this many bytes (`COPY_BYTES_PER_ROW_ALIGNMENT`).
