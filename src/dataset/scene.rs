@@ -199,7 +199,9 @@ impl Making<'_> {
         };
         let pinhole = self.plan.pinhole();
         let accept = |world: &World| outlines(world, &world_from_camera, pinhole).map(|_| ());
-        let fresh = || World::new(scene, setup.robot.clone(), &setup.config, setup.start.clone());
+        let fresh = || {
+            World::new(scene, setup.robot.clone(), &setup.config, setup.start.clone()).map(World::for_layout)
+        };
         let dropped = drop_objects(scene, models, condition.placement, seed, &accept, fresh);
         self.timings.physics += began.elapsed();
         let (world, dropped) = dropped?;

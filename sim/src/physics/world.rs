@@ -53,6 +53,7 @@ pub struct World {
     bin_parts: Vec<usize>,
     contacts: Contacts,
     steps: u64,
+    step_hz: u32,
 }
 
 impl World {
@@ -94,7 +95,16 @@ impl World {
             bin_parts,
             contacts: Contacts::default(),
             steps: 0,
+            step_hz: STEP_HZ,
         })
+    }
+
+    /// A world that takes half as many steps a second: enough for things to fall and come to rest, not for grasps.
+    #[must_use]
+    pub fn for_layout(mut self) -> Self {
+        self.step_hz = STEP_HZ / 2;
+        self.physics.integration_parameters.dt = 1.0 / self.step_hz as f32;
+        self
     }
 
     /// Adds an object at rest and returns its index.
@@ -152,9 +162,9 @@ impl World {
         }
     }
 
-    /// Advances one step of 1/[`STEP_HZ`] s with the robot's joints driven towards `target` (all movable joints).
+    /// Advances one step (of 1/[`STEP_HZ`] s unless [`World::for_layout`]) with the robot's joints driven towards `target` (all movable joints).
     pub fn step(&mut self, target: &[f64], grip: Grip) {
-        let dt = 1.0 / f64::from(STEP_HZ);
+        let dt = 1.0 / f64::from(self.step_hz);
         self.robot.drive(&mut self.physics, target, grip, dt);
         self.resist_rolling(dt);
         self.physics.step_with_events(&(), &());
@@ -190,14 +200,14 @@ impl World {
     /// Steps with the robot at rest until no object moves, or `limit_s` is over.
     pub fn settle(&mut self, limit_s: f64) -> Settled {
         let (target, grip) = self.hold();
-        let limit = (limit_s * f64::from(STEP_HZ)) as u64;
-        let calm_steps = u64::from(STEP_HZ) / 4;
+        let limit = (limit_s * f64::from(self.step_hz)) as u64;
+        let calm_steps = u64::from(self.step_hz) / 4;
         let mut calm = 0;
         for step in 1..=limit {
             self.step(&target, grip);
             calm = if self.fastest() < 2e-3 { calm + 1 } else { 0 };
             if calm >= calm_steps {
-                return Settled { seconds: step as f64 / f64::from(STEP_HZ), at_rest: true };
+                return Settled { seconds: step as f64 / f64::from(self.step_hz), at_rest: true };
             }
         }
         Settled { seconds: limit_s, at_rest: false }
@@ -208,7 +218,7 @@ impl World {
     pub fn drift(&mut self, seconds: f64) -> f64 {
         let before: Vec<_> = (0..self.objects.len()).map(|i| self.truth(i)).collect();
         let (target, grip) = self.hold();
-        for _ in 0..(seconds * f64::from(STEP_HZ)) as u64 {
+        for _ in 0..(seconds * f64::from(self.step_hz)) as u64 {
             self.step(&target, grip);
         }
         let moved = before.iter().enumerate().map(|(i, before)| {
@@ -361,7 +371,7 @@ impl World {
 
     /// Simulated seconds since the world was built.
     pub fn time(&self) -> f64 {
-        self.steps as f64 / f64::from(STEP_HZ)
+        self.steps as f64 / f64::from(self.step_hz)
     }
 
     /// SHA-256 of the bits of every body's pose and velocity and of every joint, in hexadecimal. Two runs are the same
