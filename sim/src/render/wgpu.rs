@@ -343,7 +343,7 @@ impl WgpuRenderer {
         }
     }
 
-    fn draw_geometry(&self, encoder: &mut CommandEncoder, drawn: &[&Instance], targets: &Targets) {
+    fn draw_geometry(&self, encoder: &mut CommandEncoder, in_view: &[(usize, &Instance)], targets: &Targets) {
         let view = bind(
             &self.gpu.device,
             &self.pipelines.view_group,
@@ -358,7 +358,7 @@ impl WgpuRenderer {
         });
         pass.set_pipeline(&self.pipelines.geometry);
         pass.set_bind_group(0, &view, &[0]);
-        for (i, instance) in drawn.iter().enumerate() {
+        for &(i, instance) in in_view {
             let texture = (!instance.visual.mesh.uvs.is_empty())
                 .then_some(instance.visual.material.texture.as_ref())
                 .flatten();
@@ -379,7 +379,7 @@ impl WgpuRenderer {
             });
             pass.set_pipeline(&self.pipelines.sample);
             pass.set_bind_group(0, &view, &[sample * UNIFORM_ALIGNMENT as u32]);
-            for (i, instance) in drawn.iter().enumerate() {
+            for &(i, instance) in in_view {
                 self.draw_mesh(&mut pass, i, instance);
             }
         }
@@ -448,11 +448,20 @@ impl Renderer for WgpuRenderer {
             }
         };
 
+        // What stands behind the camera casts shadows into the picture, but need not be drawn.
+        let in_view: Vec<(usize, &Instance)> = (0..)
+            .zip(drawn.iter().copied())
+            .filter(|(_, instance)| {
+                let mesh = self.cache.mesh(&instance.visual.mesh);
+                let center = camera_from_world * (instance.pose * mesh.center);
+                may_be_seen(intrinsics, &center, mesh.radius)
+            })
+            .collect();
         let shown = Shown::new(&drawn, intrinsics, world_from_camera);
         let mut encoder = self.gpu.device.create_command_encoder(&Default::default());
         self.draw_shadows(&mut encoder, &drawn, views);
         if self.shown.as_ref() != Some(&shown) {
-            self.draw_geometry(&mut encoder, &drawn, &targets);
+            self.draw_geometry(&mut encoder, &in_view, &targets);
         }
         self.light_up(&mut encoder, &targets);
         targets.copy_back(&mut encoder);
@@ -508,6 +517,21 @@ impl Shown {
     }
 }
 
+/// Whether a sphere in the camera's frame may reach into the picture: whether it is on the inner side of the planes through
+/// the picture's borders (half a pixel outside the outermost centres, and a pixel more for the further samples).
+fn may_be_seen(k: &Intrinsics, center: &nalgebra::Point3<f64>, radius: f64) -> bool {
+    const MARGIN_PX: f64 = 1.5;
+    let (w, h) = (k.width as f64 - 1.0 + MARGIN_PX, k.height as f64 - 1.0 + MARGIN_PX);
+    // Along an image axis: slopes of the two borders.
+    let between = |at: f64, low: f64, high: f64| {
+        let beyond = |slope: f64, side: f64| side * (at - slope * center.z) / slope.hypot(1.0) > radius;
+        !beyond(low, -1.0) && !beyond(high, 1.0)
+    };
+    center.z > -radius
+        && between(center.x, (-MARGIN_PX - k.cx) / k.fx, (w - k.cx) / k.fx)
+        && between(center.y, (-MARGIN_PX - k.cy) / k.fy, (h - k.cy) / k.fy)
+}
+
 /// A depth buffer that begins at `clear`.
 fn depth_buffer(view: &TextureView, clear: f32, store: StoreOp) -> RenderPassDepthStencilAttachment<'_> {
     let depth_ops = Some(Operations { load: LoadOp::Clear(clear), store });
@@ -557,6 +581,26 @@ fn float_of_half(half: u16) -> f32 {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn only_what_is_surely_outside_is_left_out() {
+        let k = Intrinsics::FETCH;
+        let mut random = crate::rng::stream(1, "frustum");
+        let mut draw = |low: f64, high: f64| crate::range::Range { min: low, max: high }.draw(&mut random);
+        for _ in 0..2000 {
+            let center = nalgebra::Point3::new(draw(-2.0, 2.0), draw(-2.0, 2.0), draw(-1.0, 2.0));
+            let radius = draw(0.01, 0.5);
+            // A point of the sphere that is seen.
+            let offset = nalgebra::Vector3::new(draw(-1.0, 1.0), draw(-1.0, 1.0), draw(-1.0, 1.0));
+            let point = center + offset.normalize() * radius;
+            let seen = k
+                .project(&point)
+                .is_some_and(|p| (-0.5..=639.5).contains(&p.x) && (-0.5..=479.5).contains(&p.y));
+            assert!(!seen || may_be_seen(&k, &center, radius), "{center} {radius}");
+        }
+        assert!(!may_be_seen(&k, &nalgebra::Point3::new(0.0, 0.0, -1.0), 0.5));
+        assert!(!may_be_seen(&k, &nalgebra::Point3::new(2.0, 0.0, 1.0), 0.5));
+    }
 
     #[test]
     fn half_floats_have_their_ieee_values() {
