@@ -338,7 +338,7 @@ impl WgpuRenderer {
             pass.set_pipeline(&self.pipelines.shadow);
             pass.set_bind_group(0, &group, &[(layer * UNIFORM_ALIGNMENT) as u32]);
             for (i, instance) in drawn.iter().enumerate() {
-                self.draw_mesh(&mut pass, i, instance);
+                self.draw_mesh(&mut pass, i, instance, true);
             }
         }
     }
@@ -363,7 +363,7 @@ impl WgpuRenderer {
                 .then_some(instance.visual.material.texture.as_ref())
                 .flatten();
             pass.set_bind_group(1, self.cache.texture(texture), &[]);
-            self.draw_mesh(&mut pass, i, instance);
+            self.draw_mesh(&mut pass, i, instance, false);
         }
         drop(pass);
 
@@ -380,7 +380,7 @@ impl WgpuRenderer {
             pass.set_pipeline(&self.pipelines.sample);
             pass.set_bind_group(0, &view, &[sample * UNIFORM_ALIGNMENT as u32]);
             for &(i, instance) in in_view {
-                self.draw_mesh(&mut pass, i, instance);
+                self.draw_mesh(&mut pass, i, instance, true);
             }
         }
     }
@@ -398,8 +398,8 @@ impl WgpuRenderer {
         }
     }
 
-    fn draw_mesh(&self, pass: &mut RenderPass<'_>, index: usize, instance: &Instance) {
-        let mesh = self.cache.mesh(&instance.visual.mesh);
+    fn draw_mesh(&self, pass: &mut RenderPass<'_>, index: usize, instance: &Instance, coarse: bool) {
+        let mesh = self.cache.mesh(&instance.visual.mesh).triangles(coarse);
         pass.set_vertex_buffer(0, mesh.vertices.slice(..));
         pass.set_index_buffer(mesh.indices.slice(..), IndexFormat::Uint32);
         let index = index as u32;

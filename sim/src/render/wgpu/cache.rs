@@ -36,15 +36,35 @@ pub(super) struct Vertex {
     finish: [u8; 4],
 }
 
-/// A mesh on the device.
-pub(super) struct GpuMesh {
+/// Triangles on the device.
+pub(super) struct Triangles {
     pub vertices: Buffer,
     pub indices: Buffer,
     pub index_count: u32,
+}
+
+/// A mesh on the device.
+pub(super) struct GpuMesh {
+    pub fine: Triangles,
+    /// Positions alone, within [`COARSE_ERROR`]: for shadows and further samples, whose price on software adapters is that
+    /// of their triangles.
+    pub coarse: Option<Triangles>,
     /// Bounding sphere in the mesh's frame.
     pub center: Point3<f64>,
     pub radius: f64,
 }
+
+impl GpuMesh {
+    /// The triangles to draw where `coarse` ones will do, or not.
+    pub fn triangles(&self, coarse: bool) -> &Triangles {
+        self.coarse.as_ref().filter(|_| coarse).unwrap_or(&self.fine)
+    }
+}
+
+/// How far the coarse surface may be from the fine one, metres: a third of a pixel at 0.6 m.
+const COARSE_ERROR: f32 = 0.0004;
+/// Meshes of fewer triangles have no coarse version.
+const FEW_TRIANGLES: usize = 400;
 
 /// Everything uploaded so far. It holds the `Arc`s, so that an address is never used twice.
 pub(super) struct Cache {
@@ -126,9 +146,6 @@ fn upload_mesh(gpu: &Gpu, mesh: &Mesh) -> GpuMesh {
             }
         })
         .collect();
-    let buffer = |label, contents: &[u8], usage| {
-        gpu.device.create_buffer_init(&BufferInitDescriptor { label: Some(label), contents, usage })
-    };
     let positions = || mesh.positions.iter().map(|p| p.cast::<f64>());
     let (low, high) = positions()
         .fold((Point3::from([f64::INFINITY; 3]), Point3::from([f64::NEG_INFINITY; 3])), |(low, high), p| {
@@ -136,12 +153,43 @@ fn upload_mesh(gpu: &Gpu, mesh: &Mesh) -> GpuMesh {
         });
     let center = nalgebra::center(&low, &high);
     GpuMesh {
-        vertices: buffer("vertices", bytemuck::cast_slice(&vertices), BufferUsages::VERTEX),
-        indices: buffer("indices", bytemuck::cast_slice(&mesh.triangles), BufferUsages::INDEX),
-        index_count: 3 * mesh.triangles.len() as u32,
+        fine: upload(gpu, &vertices, mesh.triangles.as_flattened()),
+        coarse: (mesh.triangles.len() >= FEW_TRIANGLES)
+            .then(|| coarse(mesh))
+            .map(|(vertices, indices)| upload(gpu, &vertices, &indices)),
         center,
         radius: positions().map(|p| nalgebra::distance(&p, &center)).fold(0.0, f64::max),
     }
+}
+
+fn upload(gpu: &Gpu, vertices: &[Vertex], indices: &[u32]) -> Triangles {
+    let buffer = |label, contents: &[u8], usage| {
+        gpu.device.create_buffer_init(&BufferInitDescriptor { label: Some(label), contents, usage })
+    };
+    Triangles {
+        vertices: buffer("vertices", bytemuck::cast_slice(vertices), BufferUsages::VERTEX),
+        indices: buffer("indices", bytemuck::cast_slice(indices), BufferUsages::INDEX),
+        index_count: indices.len() as u32,
+    }
+}
+
+/// The surface with as few triangles as [`COARSE_ERROR`] allows; its normals are zero, which stands for the triangles' own.
+fn coarse(mesh: &Mesh) -> (Vec<Vertex>, Vec<u32>) {
+    // Vertices that differ in normal or texture alone are one: else seams would hold the surface fast.
+    let mut welded: Vec<[f32; 3]> = Vec::new();
+    let mut numbers: HashMap<[u32; 3], u32> = HashMap::new();
+    let mut number = |i: u32| {
+        let p: [f32; 3] = mesh.positions[i as usize].coords.into();
+        *numbers.entry(p.map(f32::to_bits)).or_insert_with(|| {
+            welded.push(p);
+            welded.len() as u32 - 1
+        })
+    };
+    let indices: Vec<u32> = mesh.triangles.as_flattened().iter().map(|&i| number(i)).collect();
+    let options = meshopt::SimplifyOptions::ErrorAbsolute;
+    let indices = meshopt::simplify_decoder(&indices, &welded, 0, COARSE_ERROR, options, None);
+    let vertices = welded.iter().map(|&position| Vertex { position, ..Vertex::zeroed() }).collect();
+    (vertices, indices)
 }
 
 /// Uploads all levels; white where there is no picture.
