@@ -196,7 +196,7 @@ mod tests {
     /// The default scene with the robot, but no objects.
     fn empty() -> (Setup, World) {
         let Command::Pack(args) = Cli::parse_from(["grip", "pack"]).command else { unreachable!() };
-        let setup = Setup::load(&args.scene).unwrap();
+        let setup = Setup::load(&args.scene, &args.condition).unwrap();
         let world =
             World::new(&setup.scene, setup.robot.clone(), &setup.config, setup.start.clone()).unwrap();
         (setup, world)

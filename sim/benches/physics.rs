@@ -1,7 +1,6 @@
 //! Speed of the physics world: one second with the Fetch at rest or moving and six objects on the table.
 //!
 //! `cargo bench -p grip-sim --features physics --bench physics`; real time is 1 s.
-#![expect(missing_docs, reason = "a bench")]
 #![expect(clippy::unwrap_used, reason = "a bench")]
 
 use std::path::Path;

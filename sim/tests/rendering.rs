@@ -384,3 +384,41 @@ fn shaders_are_valid() {
     }
     assert_eq!(count, 4);
 }
+
+/// Resident memory of this process, bytes; `None` where the system does not tell.
+fn resident() -> Option<u64> {
+    let status = std::fs::read_to_string("/proc/self/status").ok()?;
+    let line = status.lines().find(|line| line.starts_with("VmRSS:"))?;
+    Some(1024 * line.split_whitespace().nth(1)?.parse::<u64>().ok()?)
+}
+
+#[test]
+fn two_thousand_frames_of_ever_new_meshes_leave_memory_flat() {
+    let Some(mut renderer) = wgpu_or_skip("memory") else { return };
+    let camera = Intrinsics { width: 64, height: 48, fx: 60.0, fy: 60.0, cx: 31.5, cy: 23.5 };
+    let light = Light {
+        position: Vector3::new(0.3, -0.5, 0.0),
+        target: Vector3::new(0.0, 0.0, 1.0),
+        intensity_cd: 100.0,
+        color: [1.0; 3],
+        radius: 0.05,
+        half_angle: 0.8,
+        shadows: true,
+    };
+    let lighting = Lighting { lights: vec![light], ..ambient(10.0) };
+    let mut early = 0;
+    for i in 0..2000 {
+        // A new mesh and a new texture each time: 60 kB that must be given back.
+        let texture = image::RgbImage::from_pixel(64, 64, image::Rgb([i as u8; 3]));
+        let material = Material { texture: Some(Arc::new(texture)), ..Material::default() };
+        let scene = one(sphere(0.2, 24), material, at([0.0, 0.0, 1.0], 0.01 * f64::from(i)), 1);
+        let seen = renderer.render(&scene, &lighting, &camera, &Pose::identity()).unwrap();
+        assert_eq!(*seen.labels.at(32, 24), 1);
+        if i == 400 {
+            early = resident().unwrap_or(0);
+        }
+    }
+    let late = resident().unwrap_or(0);
+    println!("resident after 400 frames {} MB, after 2000 {} MB", early >> 20, late >> 20);
+    assert!(late as f64 <= 1.05 * early as f64, "{early} {late}");
+}

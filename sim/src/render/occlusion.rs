@@ -76,7 +76,7 @@ mod tests {
         let mut sum = 0.0;
         for u in columns {
             for v in 200..240 {
-                let point = CAMERA.back_project(u as f64, v as f64, 1.0).cast();
+                let point = CAMERA.back_project(u as f64, v as f64, f64::from(depth(u, v))).cast();
                 sum += open_share(depth, &CAMERA, [u, v], &point, &-Vector3::z());
             }
         }

@@ -1,6 +1,6 @@
 //! Procedural pictures for table, floor, walls and bin: made in code, the same on every machine, tiling in both directions.
 //!
-//! All are sRGB and square. Those of the [`laboratory`] are [`SIZE`] pixels wide, each with the metres that one repeat
+//! All are sRGB and square. Those of the `laboratory` are [`SIZE`] pixels wide, each with the metres that one repeat
 //! is meant to cover. A [`Family`] draws any number of different ones from a seed.
 
 mod canvas;
