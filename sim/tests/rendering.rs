@@ -382,7 +382,7 @@ fn shaders_are_valid() {
         .unwrap_or_else(|e| panic!("{}: {e:?}", path.display()));
         count += 1;
     }
-    assert_eq!(count, 4);
+    assert_eq!(count, 5);
 }
 
 /// Resident memory of this process, bytes; `None` where the system does not tell.

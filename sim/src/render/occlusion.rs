@@ -1,5 +1,5 @@
 //! Ambient light that near surfaces keep away, estimated from the depth image (after Alchemy AO, McGuire 2011). This is
-//! what makes things stand on the table and not float. `light.wgsl` holds the same formulas line by line.
+//! what makes things stand on the table and not float. `prepare.wgsl` holds the same formulas line by line.
 
 use std::f32::consts::TAU;
 

@@ -74,9 +74,19 @@ pub struct WgpuRenderer {
 /// All that geometry depends on. The cache holds what the addresses belong to until the next frame.
 #[derive(PartialEq)]
 struct Shown {
-    instances: Vec<(usize, Option<usize>, [f32; 5], Isometry3<f64>, u16)>,
+    instances: Vec<ShownInstance>,
     intrinsics: Intrinsics,
     world_from_camera: Isometry3<f64>,
+}
+
+#[derive(PartialEq)]
+struct ShownInstance {
+    mesh: usize,
+    texture: Option<usize>,
+    /// Base colour, roughness, metallic.
+    looks: ([f32; 3], f32, f32),
+    pose: Isometry3<f64>,
+    label: u16,
 }
 
 /// Counterpart of `Light` in `light.wgsl`.
@@ -385,12 +395,16 @@ impl WgpuRenderer {
         }
     }
 
-    fn light_up(&self, encoder: &mut CommandEncoder, targets: &Targets) {
+    fn light_up(&self, encoder: &mut CommandEncoder, targets: &Targets, new_geometry: bool) {
         let frame = bind(
             &self.gpu.device,
             &self.pipelines.frame_group,
             &[self.frame.as_entire_binding(), BindingResource::TextureView(&self.shadow_maps.all)],
         );
+        if new_geometry {
+            let groups = [&frame, &targets.prepare_group];
+            whole_picture(encoder, &self.pipelines.prepare, &targets.prepared, &groups);
+        }
         let lit = if self.smooth_edges { &targets.color } else { &targets.smooth };
         whole_picture(encoder, &self.pipelines.light, lit, &[&frame, &targets.surface_group]);
         if self.smooth_edges {
@@ -460,10 +474,11 @@ impl Renderer for WgpuRenderer {
         let shown = Shown::new(&drawn, intrinsics, world_from_camera);
         let mut encoder = self.gpu.device.create_command_encoder(&Default::default());
         self.draw_shadows(&mut encoder, &drawn, views);
-        if self.shown.as_ref() != Some(&shown) {
+        let new_geometry = self.shown.as_ref() != Some(&shown);
+        if new_geometry {
             self.draw_geometry(&mut encoder, &in_view, &targets);
         }
-        self.light_up(&mut encoder, &targets);
+        self.light_up(&mut encoder, &targets, new_geometry);
         targets.copy_back(&mut encoder);
         self.gpu.queue.submit([encoder.finish()]);
 
@@ -504,10 +519,13 @@ impl Shown {
     fn new(drawn: &[&Instance], intrinsics: &Intrinsics, world_from_camera: &Pose<World, Camera>) -> Self {
         let instances = drawn.iter().map(|instance| {
             let material = &instance.visual.material;
-            let [r, g, b] = material.base_color;
-            let looks = [r, g, b, material.roughness, material.metallic];
-            let texture = material.texture.as_ref().map(cache::key);
-            (cache::key(&instance.visual.mesh), texture, looks, instance.pose, instance.label)
+            ShownInstance {
+                mesh: cache::key(&instance.visual.mesh),
+                texture: material.texture.as_ref().map(cache::key),
+                looks: (material.base_color, material.roughness, material.metallic),
+                pose: instance.pose,
+                label: instance.label,
+            }
         });
         Self {
             instances: instances.collect(),

@@ -1,6 +1,6 @@
 // Shades the images of geometry.wgsl: luminance of every pixel, each lit once however small its triangle.
 // Everything is in the camera's optical frame: x right, y down, z forward, metres.
-// The formulas are those of shading.rs and occlusion.rs, line by line.
+// The formulas are those of shading.rs, line by line.
 
 const PI = 3.14159265358979;
 // Largest finite value of the half-float colour target, with room for sums.
@@ -52,6 +52,8 @@ struct Frame {
 @group(1) @binding(0) var seen_depth: texture_2d<f32>;
 @group(1) @binding(1) var seen_albedo: texture_2d<f32>;
 @group(1) @binding(2) var seen_normal: texture_2d<f32>;
+// See prepare.wgsl.
+@group(1) @binding(3) var prepared: texture_2d<f32>;
 
 @vertex
 fn vs_whole(@builtin(vertex_index) index: u32) -> @builtin(position) vec4f {
@@ -69,29 +71,6 @@ const GOLDEN = vec2f(-0.73736888, 0.67549029);
 
 fn turn(v: vec2f) -> vec2f {
     return vec2f(v.x * GOLDEN.x - v.y * GOLDEN.y, v.x * GOLDEN.y + v.y * GOLDEN.x);
-}
-
-const AO_RADIUS = 0.09;
-const AO_TAPS = 8;
-
-fn open_share(pixel: vec2f, spiral: vec2f, point: vec3f, normal: vec3f) -> f32 {
-    let k = frame.intrinsics;
-    let last = vec2f(textureDimensions(seen_depth) - 1u);
-    let reach = min(k.x * AO_RADIUS / point.z, 72.0);
-    let lowest = 0.0015 * point.z;
-    var direction = spiral;
-    var kept = 0.0;
-    for (var i = 0; i < AO_TAPS; i++) {
-        let step = direction * sqrt((f32(i) + 0.5) / f32(AO_TAPS));
-        direction = turn(direction);
-        let at = clamp(floor(pixel + reach * step + 0.5), vec2f(0.0), last);
-        let z = textureLoad(seen_depth, vec2i(at), 0).x;
-        let offset = vec3f((at - k.zw) / k.xy * z, z) - point;
-        let squared = dot(offset, offset);
-        let rise = max(dot(offset, normal) - lowest, 0.0);
-        kept += rise * inverseSqrt(max(squared, 1e-12)) * max(1.0 - squared / (AO_RADIUS * AO_RADIUS), 0.0);
-    }
-    return clamp(1.0 - 2.0 * kept / f32(AO_TAPS), 0.0, 1.0);
 }
 
 // Ambient light from below at a point: the floor's, and the table's as a disk that faces it.
@@ -249,7 +228,7 @@ fn fs_light(@builtin(position) clip: vec4f) -> @location(0) vec4f {
     let below = below_of(point);
     var radiance = (diffuse * ambient_on(below, normal)
         + ambient_gloss(specular, roughness, n_v) * ambient_on(below, mirror) / PI)
-        * open_share(pixel, spiral, point, normal);
+        * textureLoad(prepared, at, 0).x;
 
     for (var i = 0u; i < frame.light_count; i++) {
         let light = frame.lights[i];

@@ -27,11 +27,16 @@ pub(super) const ALBEDO: TextureFormat = TextureFormat::Rgba8UnormSrgb;
 /// Normal, each component from 0 to 1, and metallic: 0, 1/3, 2/3 or 1.
 pub(super) const NORMAL: TextureFormat = TextureFormat::Rgb10a2Unorm;
 
+/// Open share of the ambient light, and whether the pixel is an edge.
+pub(super) const PREPARED: TextureFormat = TextureFormat::Rg8Unorm;
+
 pub(super) struct Pipelines {
     pub shadow: RenderPipeline,
     pub geometry: RenderPipeline,
     /// Draws one more sample of each pixel.
     pub sample: RenderPipeline,
+    /// What does not depend on the light: ambient occlusion and edges.
+    pub prepare: RenderPipeline,
     pub light: RenderPipeline,
     pub smooth: RenderPipeline,
     /// View and instances.
@@ -40,9 +45,11 @@ pub(super) struct Pipelines {
     pub texture_group: BindGroupLayout,
     /// Frame and shadow maps.
     pub frame_group: BindGroupLayout,
-    /// Depth, albedo, normal.
+    /// Depth, surface, normal.
+    pub prepare_group: BindGroupLayout,
+    /// Depth, albedo, normal, prepared.
     pub surface_group: BindGroupLayout,
-    /// Depth, surface, colour, samples and their depth buffers.
+    /// Depth, surface, colour, samples and their depth buffers, prepared.
     pub smooth_group: BindGroupLayout,
 }
 
@@ -50,6 +57,7 @@ impl Pipelines {
     pub fn new(device: &Device) -> Self {
         let shadow = shader(device, "shadow", include_str!("shadow.wgsl"));
         let geometry = shader(device, "geometry", include_str!("geometry.wgsl"));
+        let prepare = shader(device, "prepare", include_str!("prepare.wgsl"));
         let light = shader(device, "light", include_str!("light.wgsl"));
         let smooth = shader(device, "smooth", include_str!("smooth.wgsl"));
 
@@ -77,7 +85,11 @@ impl Pipelines {
         );
         let frame_group =
             layout(device, &[(fragment, uniform(false)), (fragment, array(TextureSampleType::Depth))]);
-        let surface_group = layout(device, &[(fragment, floats); 3]);
+        let surface_group = layout(device, &[(fragment, floats); 4]);
+        let prepare_group = layout(
+            device,
+            &[(fragment, floats), (fragment, image(TextureSampleType::Uint)), (fragment, floats)],
+        );
         let smooth_group = layout(
             device,
             &[
@@ -86,6 +98,7 @@ impl Pipelines {
                 (fragment, floats),
                 (fragment, array(TextureSampleType::Uint)),
                 (fragment, array(TextureSampleType::Depth)),
+                (fragment, floats),
             ],
         );
 
@@ -171,6 +184,14 @@ impl Pipelines {
                 targets: &[writes(SURFACE)],
                 ..drawn
             }),
+            prepare: pipeline(&Stage {
+                label: "prepare",
+                module: &prepare,
+                fragment: Some("fs_prepare"),
+                groups: &[Some(&frame_group), Some(&prepare_group)],
+                targets: &[writes(PREPARED)],
+                ..whole
+            }),
             light: pipeline(&whole),
             smooth: pipeline(&Stage {
                 label: "smooth",
@@ -182,6 +203,7 @@ impl Pipelines {
             view_group,
             texture_group,
             frame_group,
+            prepare_group,
             surface_group,
             smooth_group,
         }

@@ -7,6 +7,8 @@
 @group(0) @binding(2) var color: texture_2d<f32>;
 @group(0) @binding(3) var sample_surface: texture_2d_array<u32>;
 @group(0) @binding(4) var sample_depth: texture_depth_2d_array;
+// See prepare.wgsl.
+@group(0) @binding(5) var prepared: texture_2d<f32>;
 
 @vertex
 fn vs_whole(@builtin(vertex_index) index: u32) -> @builtin(position) vec4f {
@@ -15,10 +17,6 @@ fn vs_whole(@builtin(vertex_index) index: u32) -> @builtin(position) vec4f {
 
 // Distance of the near plane, metres: the depth buffer holds NEAR / z.
 const NEAR = 0.02;
-// Depths may differ by this share, normals by this much, within one smooth surface.
-const SAME_DEPTH = 0.02;
-const SAME_NORMAL = 0.35;
-
 // How much the normals of two surfaces (see geometry.wgsl) differ, squared; large for different instances.
 fn difference(a: u32, b: u32) -> f32 {
     let x = (f32((a >> 8u) & 255u) - f32((b >> 8u) & 255u)) / 127.5;
@@ -30,17 +28,8 @@ fn difference(a: u32, b: u32) -> f32 {
 fn fs_smooth(@builtin(position) clip: vec4f) -> @location(0) vec4f {
     let at = vec2i(clip.xy);
     let last = vec2i(textureDimensions(seen_depth)) - 1;
-    let depth = textureLoad(seen_depth, at, 0).x;
-    let surface = textureLoad(seen_surface, at, 0).x;
-    var edge = false;
-    for (var i = 0; i < 4; i++) {
-        let side = select(-1, 1, (i & 1) == 1);
-        let next = clamp(at + select(vec2i(side, 0), vec2i(0, side), i > 1), vec2i(0), last);
-        edge = edge || abs(textureLoad(seen_depth, next, 0).x - depth) > SAME_DEPTH * depth
-            || difference(textureLoad(seen_surface, next, 0).x, surface) > SAME_NORMAL * SAME_NORMAL;
-    }
     let here = textureLoad(color, at, 0);
-    if !edge {
+    if textureLoad(prepared, at, 0).y < 0.5 {
         return here;
     }
     var sum = here;

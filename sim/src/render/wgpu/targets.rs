@@ -8,7 +8,7 @@ use wgpu::{
 
 use super::device::Gpu;
 use super::failed;
-use super::pipelines::{ALBEDO, COLOR, COS, DEPTH, DEPTH_BUFFER, NORMAL, Pipelines, SURFACE, bind};
+use super::pipelines::{ALBEDO, COLOR, COS, DEPTH, DEPTH_BUFFER, NORMAL, PREPARED, Pipelines, SURFACE, bind};
 use crate::error::Result;
 
 /// Rows in a copy start at multiples of this many bytes (`COPY_BYTES_PER_ROW_ALIGNMENT`).
@@ -24,11 +24,13 @@ pub(super) struct Targets {
     pub cos: TextureView,
     pub albedo: TextureView,
     pub normal: TextureView,
+    pub prepared: TextureView,
     /// Luminance before edges are smoothed, and after.
     pub color: TextureView,
     pub smooth: TextureView,
     /// Three more samples of each pixel and their depth buffers.
     pub samples: [(TextureView, TextureView); 3],
+    pub prepare_group: BindGroup,
     pub surface_group: BindGroup,
     pub smooth_group: BindGroup,
     readback: Buffer,
@@ -70,7 +72,8 @@ impl Targets {
         };
         let copies = [copy(DEPTH), copy(SURFACE), copy(COS), copy(COLOR)];
         let [depth, surface, cos, smooth] = [0, 1, 2, 3].map(|i: usize| view(&copies[i].texture));
-        let [albedo, normal, color] = [ALBEDO, NORMAL, COLOR].map(|format| view(&texture(format, 1, bound)));
+        let [albedo, normal, color, prepared] =
+            [ALBEDO, NORMAL, COLOR, PREPARED].map(|format| view(&texture(format, 1, bound)));
         let [sample, sample_depth] = [SURFACE, DEPTH_BUFFER].map(|format| texture(format, 3, bound));
         let layer = |texture: &Texture, base_array_layer| {
             texture.create_view(&TextureViewDescriptor {
@@ -88,10 +91,11 @@ impl Targets {
             width,
             height,
             geometry_depth: view(&texture(DEPTH_BUFFER, 1, TextureUsages::empty())),
-            surface_group: group(&pipelines.surface_group, &[&depth, &albedo, &normal]),
+            surface_group: group(&pipelines.surface_group, &[&depth, &albedo, &normal, &prepared]),
+            prepare_group: group(&pipelines.prepare_group, &[&depth, &surface, &normal]),
             smooth_group: group(
                 &pipelines.smooth_group,
-                &[&depth, &surface, &color, &view(&sample), &view(&sample_depth)],
+                &[&depth, &surface, &color, &view(&sample), &view(&sample_depth), &prepared],
             ),
             samples: [0, 1, 2].map(|i| (layer(&sample, i), layer(&sample_depth, i))),
             depth,
@@ -99,6 +103,7 @@ impl Targets {
             cos,
             albedo,
             normal,
+            prepared,
             color,
             smooth,
             readback: gpu.device.create_buffer(&BufferDescriptor {
