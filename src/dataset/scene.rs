@@ -85,7 +85,10 @@ struct Layout {
     outlines: Vec<Silhouette>,
 }
 
-/// Makes scene `number` in `split`.
+/// Draws of objects for a scene before it is given up.
+const DRAWS: u32 = 20;
+
+/// Makes scene `number` in `split`. Objects that cannot all be laid out in view, such as seven large ones, are drawn anew.
 pub fn make(
     setup: &Setup,
     plan: &Plan,
@@ -94,7 +97,35 @@ pub fn make(
     renderer: &mut dyn Renderer,
     progress: &ProgressBar,
 ) -> Result<Done> {
-    let seed: u64 = rng::stream(plan.seed, &format!("scene/{number}")).random();
+    let mut refused = Vec::new();
+    let mut draw = 0;
+    let mut done = loop {
+        let seed: u64 = rng::stream(plan.seed, &format!("scene/{number}/{draw}")).random();
+        match attempt(setup, plan, split, number, seed, &refused, renderer) {
+            Err(error)
+                if draw + 1 < DRAWS && matches!(error.downcast_ref(), Some(grip_sim::Error::World(_))) =>
+            {
+                refused.push(format!("draw {draw}: {error:#}"));
+                draw += 1;
+            }
+            other => break other?,
+        }
+    };
+    done.rejected += refused.len();
+    progress.inc(plan.views.len() as u64);
+    Ok(done)
+}
+
+/// Makes scene `number` from `seed`; `refused` are the draws before it.
+fn attempt(
+    setup: &Setup,
+    plan: &Plan,
+    split: &Path,
+    number: u32,
+    seed: u64,
+    refused: &[String],
+    renderer: &mut dyn Renderer,
+) -> Result<Done> {
     let drawn = plan.scene.objects.draw(seed);
     let mut models: Vec<Arc<ObjectModel>> = drawn.iter().map(|&i| setup.models[i].clone()).collect();
     // Large ones come first, so that heaps do not bury small ones.
@@ -143,7 +174,6 @@ pub fn make(
             own.insert(making.layout(view, condition)?)
         };
         making.frame(&writer, im_id, view, condition, layout, renderer)?;
-        progress.inc(1);
     }
 
     let Making { rejected, mut timings, .. } = making;
@@ -160,7 +190,7 @@ pub fn make(
                 condition,
             })
             .collect(),
-        rejected,
+        rejected: refused.iter().cloned().chain(rejected).collect(),
     };
     writer.add_file("scene_info.json", (serde_json::to_string_pretty(&info)? + "\n").as_bytes())?;
     writer.finish()?;

@@ -40,8 +40,11 @@ fn fs_smooth(@builtin(position) clip: vec4f) -> @location(0) vec4f {
         let z = select(0.0, NEAR / buffer, buffer > 0.0);
         var least = 1e9;
         var best = at;
-        for (var i = 0; i < 9; i++) {
-            let next = clamp(at + vec2i(i % 3 - 1, i / 3 - 1), vec2i(0), last);
+        for (var i = 0; i < 5; i++) {
+            // Right, left, below, above, and the pixel itself.
+            let side = select(1, -1, (i & 1) == 1);
+            let step = select(vec2i(side, 0), vec2i(0, side), i > 1);
+            let next = clamp(at + select(step, vec2i(0), i == 4), vec2i(0), last);
             let apart = abs(textureLoad(seen_depth, next, 0).x - z) / max(z, 0.01);
             // The pixel itself wins among equals.
             let score = difference(textureLoad(seen_surface, next, 0).x, wanted) + 10.0 * apart
