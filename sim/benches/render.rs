@@ -1,7 +1,7 @@
 //! Speed of the renderers on a table with six objects at 640x480: geometry and colour, by condition.
 //!
 //! `cargo bench -p grip-sim --bench render`
-#![expect(clippy::unwrap_used, reason = "a bench")]
+#![expect(clippy::unwrap_used, clippy::print_stderr, reason = "a bench")]
 
 use std::path::Path;
 

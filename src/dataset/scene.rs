@@ -304,7 +304,7 @@ impl Making<'_> {
                 camera_from_object: *pose,
                 mask: &masks.whole,
                 mask_visib: &masks.visible,
-                info: masks.info.clone(),
+                info: masks.info,
             })
             .collect();
         self.timings.masks += began.elapsed();
