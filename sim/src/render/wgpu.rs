@@ -446,6 +446,8 @@ impl Renderer for WgpuRenderer {
             )));
         }
         self.gpu.check()?;
+        // Gone if anything fails: then nobody knows what the images show.
+        let last = self.shown.take();
         let camera_from_world = *world_from_camera.inverse().iso();
         let lighting = ViewLighting::new(lighting, scene.bounce.as_ref(), world_from_camera);
         let drawn = self.upload(scene, &camera_from_world)?;
@@ -456,10 +458,7 @@ impl Renderer for WgpuRenderer {
         }
         let targets = match self.targets.take() {
             Some(targets) if (targets.width, targets.height) == (width, height) => targets,
-            _ => {
-                self.shown = None;
-                Targets::new(&self.gpu, &self.pipelines, width, height)
-            }
+            _ => Targets::new(&self.gpu, &self.pipelines, width, height),
         };
 
         // What stands behind the camera casts shadows into the picture, but need not be drawn.
@@ -474,7 +473,7 @@ impl Renderer for WgpuRenderer {
         let shown = Shown::new(&drawn, intrinsics, world_from_camera);
         let mut encoder = self.gpu.device.create_command_encoder(&Default::default());
         self.draw_shadows(&mut encoder, &drawn, views);
-        let new_geometry = self.shown.as_ref() != Some(&shown);
+        let new_geometry = last.as_ref() != Some(&shown);
         if new_geometry {
             self.draw_geometry(&mut encoder, &in_view, &targets);
         }
