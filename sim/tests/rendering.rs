@@ -362,29 +362,6 @@ fn auto_always_finds_a_renderer_and_frames_repeat() {
     assert!(read > 0.0 && (read - true_depth).abs() < 0.01, "{read} {true_depth}");
 }
 
-#[test]
-fn shaders_are_valid() {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("src/render/wgpu");
-    let mut count = 0;
-    for entry in std::fs::read_dir(folder).unwrap() {
-        let path = entry.unwrap().path();
-        if path.extension().is_none_or(|e| e != "wgsl") {
-            continue;
-        }
-        let source = std::fs::read_to_string(&path).unwrap();
-        let module = naga::front::wgsl::parse_str(&source)
-            .unwrap_or_else(|e| panic!("{}: {}", path.display(), e.emit_to_string(&source)));
-        naga::valid::Validator::new(
-            naga::valid::ValidationFlags::all(),
-            naga::valid::Capabilities::default(),
-        )
-        .validate(&module)
-        .unwrap_or_else(|e| panic!("{}: {e:?}", path.display()));
-        count += 1;
-    }
-    assert_eq!(count, 5);
-}
-
 /// Resident memory of this process, bytes; `None` where the system does not tell.
 fn resident() -> Option<u64> {
     let status = std::fs::read_to_string("/proc/self/status").ok()?;

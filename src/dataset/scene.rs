@@ -10,7 +10,7 @@ use grip_sim::camera::Intrinsics;
 use grip_sim::condition::Condition;
 use grip_sim::images::{DepthImage, Image, LabelImage};
 use grip_sim::objects::ObjectModel;
-use grip_sim::physics::{ROBOT_LABEL, World, drop_objects};
+use grip_sim::physics::{Placed, ROBOT_LABEL, World, drop_objects};
 use grip_sim::pose::{Camera, Object, Pose, World as WorldFrame};
 use grip_sim::render::{self, Bounce, RenderScene, Renderer, Rendering, Silhouette};
 use grip_sim::rng;
@@ -228,7 +228,7 @@ impl Making<'_> {
             }
         };
         let pinhole = self.plan.pinhole();
-        let accept = |world: &World| outlines(world, &world_from_camera, pinhole).map(|_| ());
+        let accept = |placed: &[Placed]| outlines(placed, &world_from_camera, pinhole).map(|_| ());
         let fresh = || {
             World::new(scene, setup.robot.clone(), &setup.config, setup.start.clone()).map(World::for_layout)
         };
@@ -236,7 +236,8 @@ impl Making<'_> {
         self.timings.physics += began.elapsed();
         let (world, dropped) = dropped?;
         self.rejected.extend(dropped.rejected.into_iter().map(|reason| format!("{name}: {reason}")));
-        let mut outlines = outlines(&world, &world_from_camera, pinhole).map_err(anyhow::Error::msg)?;
+        let mut outlines =
+            outlines(&world.placed(), &world_from_camera, pinhole).map_err(anyhow::Error::msg)?;
         if let Some(lens) = &self.plan.lens {
             outlines = outlines.iter().map(|outline| distorted(lens, outline)).collect::<Result<_>>()?;
         }
@@ -323,19 +324,18 @@ impl Making<'_> {
     }
 }
 
-/// The outline of each object of a world, or the first one that is not well in the picture, or hidden by the others.
+/// The outline of each object, or the first one that is not well in the picture, or hidden by the others.
 fn outlines(
-    world: &World,
+    placed: &[Placed],
     world_from_camera: &Pose<WorldFrame, Camera>,
     pinhole: &Intrinsics,
 ) -> std::result::Result<Vec<Silhouette>, String> {
     let camera_from_world = world_from_camera.inverse();
     let mut outlines = Vec::new();
     let mut front = Image::filled(pinhole.width, pinhole.height, (0.0, usize::MAX));
-    for i in 0..world.object_count() {
-        let model = world.object(i);
+    for (i, (model, pose)) in placed.iter().enumerate() {
         let name = &model.info.name;
-        let outline = render::silhouette(&model.visual.mesh, &(camera_from_world * world.truth(i)), pinhole)
+        let outline = render::silhouette(&model.visual.mesh, &(camera_from_world * *pose), pinhole)
             .ok_or_else(|| format!("{name} is out of the picture"))?;
         let inside = share_inside(&outline, pinhole);
         if inside < LEAST_INSIDE {
@@ -356,10 +356,10 @@ fn outlines(
             *count += 1;
         }
     }
-    for (i, (outline, seen)) in outlines.iter().zip(seen).enumerate() {
+    for ((outline, seen), (model, _)) in outlines.iter().zip(seen).zip(placed) {
         let all = outline.mask.data().iter().filter(|&&covered| covered).count();
         if (seen as f64) < LEAST_VISIBLE * all as f64 {
-            return Err(format!("only {seen} of {all} pixels of {} are seen", world.object(i).info.name));
+            return Err(format!("only {seen} of {all} pixels of {} are seen", model.info.name));
         }
     }
     Ok(outlines)

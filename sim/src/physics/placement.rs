@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
+use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector2, Vector3};
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
@@ -10,7 +10,7 @@ use super::world::World;
 use crate::condition::{Placement, Stacked};
 use crate::error::{Error, Result};
 use crate::objects::ObjectModel;
-use crate::pose::Pose;
+use crate::pose::{self as frame, Pose};
 use crate::rng;
 use crate::scene::{ObjectPlacement, Scene, Table};
 
@@ -30,9 +30,14 @@ const SETTLE_S: f64 = 6.0;
 /// The same for a heap, whose objects have come down one after another.
 const HEAP_SETTLE_S: f64 = 2.0;
 
-/// What a layout must meet beyond lying well on the table, such as being seen; the reason why it does not. Asked of heaps
-/// after each object, when only those laid so far are in the world.
-pub type Accept<'a> = dyn Fn(&World) -> std::result::Result<(), String> + 'a;
+/// What a layout must meet beyond lying well on the table, such as being seen; the reason why it does not. Asked of what is
+/// about to be spread before physics has its say, and of heaps after each object, with only those laid so far.
+pub type Accept<'a> = dyn Fn(&[Placed]) -> LaidOut + 'a;
+
+/// An object and where it is.
+pub type Placed = (Arc<ObjectModel>, Pose<frame::World, frame::Object>);
+
+type LaidOut = std::result::Result<(), String>;
 
 /// How the objects got where they are.
 #[derive(Debug, Clone, PartialEq)]
@@ -63,12 +68,25 @@ pub fn drop_objects(
     let mut rejected = Vec::new();
     for attempt in 0..ATTEMPTS {
         let mut random = rng::stream(seed, &format!("placement/{attempt}"));
-        let mut world = fresh()?;
+        let mut world;
         let laid_out = match placement {
-            Placement::Spread => {
-                spread(&mut world, scene, models, &mut random)?.and_then(|()| accept(&world))
+            Placement::Spread => match spread(scene, models, accept, &mut random) {
+                Ok(placed) => {
+                    world = fresh()?;
+                    for (model, pose) in placed {
+                        world.add_object(model, &pose)?;
+                    }
+                    Ok(())
+                }
+                Err(reason) => {
+                    rejected.push(reason);
+                    continue;
+                }
+            },
+            Placement::Stacked(heap) => {
+                world = fresh()?;
+                stack(&mut world, scene, models, heap, accept, &mut random)?
             }
-            Placement::Stacked(heap) => stack(&mut world, scene, models, heap, accept, &mut random)?,
         };
         let outcome = laid_out.and_then(|()| {
             let began = world.time();
@@ -89,7 +107,7 @@ pub fn drop_objects(
                 Placement::Spread => touching(&world),
                 Placement::Stacked(heap) => too_loose(&world, heap.touching),
             };
-            astray(&world, scene).or(wrong).map_or_else(|| accept(&world), Err)?;
+            astray(&world, scene).or(wrong).map_or_else(|| accept(&world.placed()), Err)?;
             Ok(settle_s)
         });
         match outcome {
@@ -175,14 +193,31 @@ fn orientation(model: &ObjectModel, lying_fraction: f64, random: &mut ChaCha8Rng
     UnitQuaternion::from_axis_angle(&Vector3::z_axis(), yaw) * side
 }
 
-type LaidOut = std::result::Result<(), String>;
-
+/// Where objects that are spread out begin: a hand's breadth apart, and as `accept` wants it. Of the many ways to do that
+/// which a seed draws, the first that succeeds.
 fn spread(
-    world: &mut World,
+    scene: &Scene,
+    models: &[Arc<ObjectModel>],
+    accept: &Accept<'_>,
+    random: &mut ChaCha8Rng,
+) -> std::result::Result<Vec<Placed>, String> {
+    const DRAWS: usize = 20;
+    let mut reason = String::new();
+    for _ in 0..DRAWS {
+        match places(scene, models, random).and_then(|placed| accept(&placed).map(|()| placed)) {
+            Ok(placed) => return Ok(placed),
+            Err(refusal) => reason = refusal,
+        }
+    }
+    Err(reason)
+}
+
+/// Objects with their outlines apart, just above the table.
+fn places(
     scene: &Scene,
     models: &[Arc<ObjectModel>],
     random: &mut ChaCha8Rng,
-) -> Result<LaidOut> {
+) -> std::result::Result<Vec<Placed>, String> {
     const PLACES: usize = 400;
     let region = &scene.objects;
     let placed = |model: &ObjectModel| region.placed.iter().find(|p| p.name == model.info.name);
@@ -221,16 +256,13 @@ fn spread(
             (free && clear && inside(&scene.table, at[0], at[1], EDGE_M)).then_some(at)
         });
         let Some([x, y]) = place else {
-            return Ok(Err(format!("no free place for {}", models[i].info.name)));
+            return Err(format!("no free place for {}", models[i].info.name));
         };
         outlines.push(([x, y], radius));
         let z = scene.table.height + below + DROP_M;
         poses[i] = Some(Pose::new(Isometry3::from_parts(Translation3::new(x, y, z), rotation)));
     }
-    for (model, pose) in models.iter().zip(poses.into_iter().flatten()) {
-        world.add_object(model.clone(), &pose)?;
-    }
-    Ok(Ok(()))
+    Ok(models.iter().cloned().zip(poses.into_iter().flatten()).collect())
 }
 
 /// A point of the region, or of its middle `share`.
@@ -238,6 +270,26 @@ fn somewhere(region: &ObjectPlacement, share: f64, random: &mut ChaCha8Rng) -> [
     [0, 1].map(|axis| {
         let half = share * region.size[axis] / 2.0;
         region.center[axis] + random.random_range(-half..=half)
+    })
+}
+
+/// A point of the middle `share` of the region where something whose outline has `radius` would lie on or against object
+/// `index`.
+fn against(
+    world: &World,
+    index: usize,
+    radius: f64,
+    region: &ObjectPlacement,
+    share: f64,
+    random: &mut ChaCha8Rng,
+) -> [f64; 2] {
+    let pose = world.truth(index);
+    let distance = random.random_range(0.4..0.9) * (radius + reach(world.object(index), &pose.rotation()).1);
+    let direction = random.random_range(-std::f64::consts::PI..std::f64::consts::PI);
+    let at = pose.translation().xy() + distance * Vector2::new(direction.cos(), direction.sin());
+    [0, 1].map(|axis| {
+        let half = share * region.size[axis] / 2.0;
+        at[axis].clamp(region.center[axis] - half, region.center[axis] + half)
     })
 }
 
@@ -262,11 +314,15 @@ fn stack(
             world.add_object(model.clone(), &placed.pose)?;
             continue;
         }
+        let laid_before = world.object_count();
         let mut laid = Err(String::new());
         for attempt in 0..TRIES {
             let rotation = orientation(model, heap.lying_fraction, random);
             let (below, radius) = reach(model, &rotation);
-            let [x, y] = somewhere(region, heap.patch, random);
+            let [x, y] = match laid_before {
+                0 => somewhere(region, heap.patch, random),
+                _ => against(world, random.random_range(0..laid_before), radius, region, heap.patch, random),
+            };
             // Just above whatever lies there, so that it is laid down and does not fall.
             let top = world.highest_point_near(x, y, radius).max(scene.table.height);
             let place = Translation3::new(x, y, top + below + DROP_M);
@@ -279,7 +335,7 @@ fn stack(
             let at_rest = calm(world, FALL_S);
             laid = match astray(world, scene) {
                 Some(reason) => Err(reason),
-                None if at_rest || world.drift(DRIFT_S) < ROLLING_M => accept(world),
+                None if at_rest || world.drift(DRIFT_S) < ROLLING_M => accept(&world.placed()),
                 None => Err(format!("{} rolls about", model.info.name)),
             };
             if laid.is_ok() {

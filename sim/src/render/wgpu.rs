@@ -9,12 +9,14 @@
 mod cache;
 mod device;
 mod pipelines;
+mod shaders;
 mod shadow;
+mod shown;
 mod targets;
+mod uniforms;
 
 use std::num::NonZeroU64;
 
-use bytemuck::{Pod, Zeroable};
 use nalgebra::Isometry3;
 use wgpu::{
     BindGroup, BindingResource, Buffer, BufferBinding, BufferDescriptor, BufferUsages, Color, CommandEncoder,
@@ -24,12 +26,14 @@ use wgpu::{
 
 use self::cache::Cache;
 use self::device::Gpu;
-use self::pipelines::{Pipelines, bind};
+use self::pipelines::{Lights, Pipelines, bind};
 use self::shadow::{Caster, ShadowViews, shadow_views};
+use self::shown::{Shown, may_be_seen};
 use self::targets::{ShadowMaps, Targets};
+use self::uniforms::{Frame, MAX_SHADOW_VIEWS, NO_SHADOW};
 use super::SUBPIXELS;
 use super::check::check_view;
-use super::shading::{BOUNCE_LOWEST, MAX_LIGHTS, MIN_ROUGHNESS, ViewLighting};
+use super::shading::{BOUNCE_LOWEST, MIN_ROUGHNESS, ViewLighting};
 use super::srgb::color_to_linear;
 use super::{Instance, Lighting, NEAR, RenderScene, Renderer, Rendering};
 use crate::camera::Intrinsics;
@@ -41,8 +45,6 @@ use crate::pose::{Camera, Pose, World};
 const SHADOW_MAP_SIZE: u32 = 2048;
 /// The same on software adapters, which feel each texel.
 const SMALL_SHADOW_MAP_SIZE: u32 = 1024;
-/// Four lights with six views each.
-const MAX_SHADOW_VIEWS: usize = 6 * MAX_LIGHTS;
 /// Offsets into a uniform buffer must be multiples of this (the default limit of every adapter).
 const UNIFORM_ALIGNMENT: usize = 256;
 
@@ -71,83 +73,6 @@ pub struct WgpuRenderer {
     shown: Option<Shown>,
 }
 
-/// All that geometry depends on. The cache holds what the addresses belong to until the next frame.
-#[derive(PartialEq)]
-struct Shown {
-    instances: Vec<ShownInstance>,
-    intrinsics: Intrinsics,
-    world_from_camera: Isometry3<f64>,
-}
-
-#[derive(PartialEq)]
-struct ShownInstance {
-    mesh: usize,
-    texture: Option<usize>,
-    /// Base colour, roughness, metallic.
-    looks: ([f32; 3], f32, f32),
-    pose: Isometry3<f64>,
-    label: u16,
-}
-
-/// Counterpart of `Light` in `light.wgsl`.
-#[derive(Clone, Copy, Default, Pod, Zeroable)]
-#[repr(C)]
-struct LightUniform {
-    position: [f32; 3],
-    cos_outer: f32,
-    axis: [f32; 3],
-    cos_inner: f32,
-    intensity: [f32; 3],
-    first_layer: i32,
-    faces: u32,
-    radius: f32,
-    tangent: f32,
-    inverse_near: f32,
-    inverse_far: f32,
-    padding: [u32; 3],
-}
-
-/// Counterpart of `View` in `geometry.wgsl`.
-#[derive(Clone, Copy, Pod, Zeroable)]
-#[repr(C)]
-struct ViewUniform {
-    projection: [f32; 4],
-    near: f32,
-    padding: [u32; 3],
-}
-
-/// Counterpart of `Frame` in `light.wgsl`.
-#[derive(Clone, Copy, Pod, Zeroable)]
-#[repr(C)]
-struct Frame {
-    intrinsics: [f32; 4],
-    up: [f32; 3],
-    padding: f32,
-    sky: [f32; 3],
-    light_count: u32,
-    ground: [f32; 3],
-    bounce_radius: f32,
-    bounce_center: [f32; 3],
-    bounce_lowest: f32,
-    bounce_lux: [f32; 3],
-    padding_2: f32,
-    background: [f32; 3],
-    padding_3: f32,
-    lights: [LightUniform; MAX_LIGHTS],
-    light_from_camera: [[[f32; 4]; 4]; MAX_SHADOW_VIEWS],
-}
-
-/// Counterpart of `Instance` in `geometry.wgsl` and `shadow.wgsl`.
-#[derive(Clone, Copy, Pod, Zeroable)]
-#[repr(C)]
-struct InstanceUniform {
-    camera_from_mesh: [[f32; 4]; 4],
-    base_color: [f32; 3],
-    roughness: f32,
-    metallic: f32,
-    padding: [u32; 3],
-}
-
 impl WgpuRenderer {
     /// Opens the best adapter there is, software ones included.
     ///
@@ -169,7 +94,7 @@ impl WgpuRenderer {
         let renderer = Self {
             frame: buffer("frame", size_of::<Frame>(), BufferUsages::UNIFORM),
             views: buffer("shadow views", MAX_SHADOW_VIEWS * UNIFORM_ALIGNMENT, BufferUsages::UNIFORM),
-            instances: buffer("instances", 64 * size_of::<InstanceUniform>(), BufferUsages::STORAGE),
+            instances: buffer("instances", 64 * size_of::<uniforms::Instance>(), BufferUsages::STORAGE),
             projections: buffer("projections", 4 * UNIFORM_ALIGNMENT, BufferUsages::UNIFORM),
             smooth_edges: true,
             shadow_maps: ShadowMaps::new(&gpu, shadow_map_size, 1),
@@ -215,7 +140,7 @@ impl WgpuRenderer {
                 self.cache.add_texture(&self.gpu, &self.pipelines.texture_group, texture);
             }
             let camera_from_mesh = camera_from_world * instance.pose;
-            uniforms.push(InstanceUniform {
+            uniforms.push(uniforms::Instance {
                 camera_from_mesh: camera_from_mesh.to_homogeneous().cast().into(),
                 base_color: color_to_linear(material.base_color),
                 roughness: material.roughness.clamp(MIN_ROUGHNESS, 1.0),
@@ -271,8 +196,11 @@ impl WgpuRenderer {
                 2.0 * (cy - dv + 0.5) / h - 1.0,
             ];
             let at = (i * UNIFORM_ALIGNMENT) as u64;
-            let view =
-                ViewUniform { projection: projection.map(|v| v as f32), near: NEAR as f32, padding: [0; 3] };
+            let view = uniforms::View {
+                projection: projection.map(|v| v as f32),
+                near: NEAR as f32,
+                padding: [0; 3],
+            };
             self.gpu.queue.write_buffer(&self.projections, at, bytemuck::bytes_of(&view));
         }
         let bounce = lighting.bounce;
@@ -281,33 +209,34 @@ impl WgpuRenderer {
             up: lighting.up.into(),
             padding: 0.0,
             sky: lighting.sky.into(),
-            light_count: lighting.lights.len() as u32,
+            padding_2: 0.0,
             ground: lighting.ground.into(),
             bounce_radius: bounce.map_or(0.0, |b| b.radius),
             bounce_center: bounce.map_or([0.0; 3], |b| b.center.coords.into()),
             bounce_lowest: BOUNCE_LOWEST,
             bounce_lux: bounce.map_or([0.0; 3], |b| b.lux.into()),
-            padding_2: 0.0,
-            background: lighting.background,
             padding_3: 0.0,
+            background: lighting.background,
+            padding_4: 0.0,
             lights: Default::default(),
-            light_from_camera: [[[0.0; 4]; 4]; MAX_SHADOW_VIEWS],
+            light_from_camera: [[[0.0; 4]; 4]; MAX_SHADOW_VIEWS + 1],
         };
         let mut layer = 0;
         for (i, (light, shadow)) in lighting.lights.iter().zip(shadows).enumerate() {
-            frame.lights[i] = LightUniform {
+            frame.lights[i] = uniforms::Light {
                 position: light.position.coords.into(),
                 cos_outer: light.cos_outer,
                 axis: light.axis.into(),
                 cos_inner: light.cos_inner,
                 intensity: light.intensity.into(),
                 radius: light.radius,
-                first_layer: -1,
+                first_layer: NO_SHADOW as u32,
+                tangent: 1.0,
                 ..Default::default()
             };
             if let Some(views) = shadow {
                 let uniform = &mut frame.lights[i];
-                uniform.first_layer = layer as i32;
+                uniform.first_layer = layer as u32;
                 uniform.faces = views.light_from_camera.len() as u32;
                 uniform.tangent = views.tangent as f32;
                 uniform.inverse_near = (1.0 / views.near) as f32;
@@ -357,7 +286,7 @@ impl WgpuRenderer {
         let view = bind(
             &self.gpu.device,
             &self.pipelines.view_group,
-            &[slot::<ViewUniform>(&self.projections), self.instances.as_entire_binding()],
+            &[slot::<uniforms::View>(&self.projections), self.instances.as_entire_binding()],
         );
         let images = [&targets.depth, &targets.surface, &targets.cos, &targets.albedo, &targets.normal];
         let mut pass = encoder.begin_render_pass(&RenderPassDescriptor {
@@ -395,7 +324,8 @@ impl WgpuRenderer {
         }
     }
 
-    fn light_up(&self, encoder: &mut CommandEncoder, targets: &Targets, new_geometry: bool) {
+    /// `lights` are what the light shader is made for.
+    fn light_up(&self, encoder: &mut CommandEncoder, targets: &Targets, lights: Lights, new_geometry: bool) {
         let frame = bind(
             &self.gpu.device,
             &self.pipelines.frame_group,
@@ -406,7 +336,12 @@ impl WgpuRenderer {
             whole_picture(encoder, &self.pipelines.prepare, &targets.prepared, &groups);
         }
         let lit = if self.smooth_edges { &targets.color } else { &targets.smooth };
-        whole_picture(encoder, &self.pipelines.light, lit, &[&frame, &targets.surface_group]);
+        whole_picture(
+            encoder,
+            self.pipelines.light(&self.gpu.device, lights),
+            lit,
+            &[&frame, &targets.surface_group],
+        );
         if self.smooth_edges {
             whole_picture(encoder, &self.pipelines.smooth, &targets.smooth, &[&targets.smooth_group]);
         }
@@ -453,6 +388,10 @@ impl Renderer for WgpuRenderer {
         let drawn = self.upload(scene, &camera_from_world)?;
         let shadows = self.shadow_views(&drawn, &lighting, &camera_from_world);
         let views = self.write_frame(&lighting, &shadows, intrinsics);
+        let lights = Lights {
+            count: shadows.len(),
+            cubes: shadows.iter().flatten().any(|views| views.light_from_camera.len() > 1),
+        };
         if views > self.shadow_maps.layers.len() {
             self.shadow_maps = ShadowMaps::new(&self.gpu, self.shadow_map_size, views as u32);
         }
@@ -477,7 +416,7 @@ impl Renderer for WgpuRenderer {
         if new_geometry {
             self.draw_geometry(&mut encoder, &in_view, &targets);
         }
-        self.light_up(&mut encoder, &targets, new_geometry);
+        self.light_up(&mut encoder, &targets, lights, new_geometry);
         targets.copy_back(&mut encoder);
         self.gpu.queue.submit([encoder.finish()]);
 
@@ -512,41 +451,6 @@ impl Renderer for WgpuRenderer {
             cos_incidence: Image::from_vec(width, height, cosines).ok_or_else(whole)?,
         })
     }
-}
-
-impl Shown {
-    fn new(drawn: &[&Instance], intrinsics: &Intrinsics, world_from_camera: &Pose<World, Camera>) -> Self {
-        let instances = drawn.iter().map(|instance| {
-            let material = &instance.visual.material;
-            ShownInstance {
-                mesh: cache::key(&instance.visual.mesh),
-                texture: material.texture.as_ref().map(cache::key),
-                looks: (material.base_color, material.roughness, material.metallic),
-                pose: instance.pose,
-                label: instance.label,
-            }
-        });
-        Self {
-            instances: instances.collect(),
-            intrinsics: *intrinsics,
-            world_from_camera: *world_from_camera.iso(),
-        }
-    }
-}
-
-/// Whether a sphere in the camera's frame may reach into the picture: whether it is on the inner side of the planes through
-/// the picture's borders (half a pixel outside the outermost centres, and a pixel more for the further samples).
-fn may_be_seen(k: &Intrinsics, center: &nalgebra::Point3<f64>, radius: f64) -> bool {
-    const MARGIN_PX: f64 = 1.5;
-    let (w, h) = (k.width as f64 - 1.0 + MARGIN_PX, k.height as f64 - 1.0 + MARGIN_PX);
-    // Along an image axis: slopes of the two borders.
-    let between = |at: f64, low: f64, high: f64| {
-        let beyond = |slope: f64, side: f64| side * (at - slope * center.z) / slope.hypot(1.0) > radius;
-        !beyond(low, -1.0) && !beyond(high, 1.0)
-    };
-    center.z > -radius
-        && between(center.x, (-MARGIN_PX - k.cx) / k.fx, (w - k.cx) / k.fx)
-        && between(center.y, (-MARGIN_PX - k.cy) / k.fy, (h - k.cy) / k.fy)
 }
 
 /// A depth buffer that begins at `clear`.
@@ -598,26 +502,6 @@ fn float_of_half(half: u16) -> f32 {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn only_what_is_surely_outside_is_left_out() {
-        let k = Intrinsics::FETCH;
-        let mut random = crate::rng::stream(1, "frustum");
-        let mut draw = |low: f64, high: f64| crate::range::Range { min: low, max: high }.draw(&mut random);
-        for _ in 0..2000 {
-            let center = nalgebra::Point3::new(draw(-2.0, 2.0), draw(-2.0, 2.0), draw(-1.0, 2.0));
-            let radius = draw(0.01, 0.5);
-            // A point of the sphere that is seen.
-            let offset = nalgebra::Vector3::new(draw(-1.0, 1.0), draw(-1.0, 1.0), draw(-1.0, 1.0));
-            let point = center + offset.normalize() * radius;
-            let seen = k
-                .project(&point)
-                .is_some_and(|p| (-0.5..=639.5).contains(&p.x) && (-0.5..=479.5).contains(&p.y));
-            assert!(!seen || may_be_seen(&k, &center, radius), "{center} {radius}");
-        }
-        assert!(!may_be_seen(&k, &nalgebra::Point3::new(0.0, 0.0, -1.0), 0.5));
-        assert!(!may_be_seen(&k, &nalgebra::Point3::new(2.0, 0.0, 1.0), 0.5));
-    }
 
     #[test]
     fn half_floats_have_their_ieee_values() {

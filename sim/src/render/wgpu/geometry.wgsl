@@ -7,15 +7,7 @@ struct View {
     near: f32,
 }
 
-struct Instance {
-    camera_from_mesh: mat4x4f,
-    base_color: vec3f,
-    roughness: f32,
-    metallic: f32,
-}
-
 @group(0) @binding(0) var<uniform> view: View;
-@group(0) @binding(1) var<storage, read> instances: array<Instance>;
 @group(1) @binding(0) var base_texture: texture_2d<f32>;
 @group(1) @binding(1) var base_sampler: sampler;
 

@@ -2,76 +2,19 @@
 // Everything is in the camera's optical frame: x right, y down, z forward, metres.
 // The formulas are those of shading.rs, line by line.
 
-const PI = 3.14159265358979;
+// How many lights there are, and whether any of their shadow maps is a cube.
+override LIGHT_COUNT: u32 = 4;
+override CUBES: bool = true;
+
 // Largest finite value of the half-float colour target, with room for sums.
 const MAX_LUMINANCE = 60000.0;
 
-struct Light {
-    position: vec3f,
-    // Cosine of the cone's edge and of its hot spot's edge.
-    cos_outer: f32,
-    axis: vec3f,
-    cos_inner: f32,
-    // Candela a channel.
-    intensity: vec3f,
-    // First layer of its shadow map, -1 for none.
-    first_layer: i32,
-    // 1 for one view, 6 for a cube.
-    faces: u32,
-    // Radius of the luminous disk, metres.
-    radius: f32,
-    // Half width of the shadow map at a distance of 1 m along its axis, metres.
-    tangent: f32,
-    // Inverse distances, 1/m, of depth 0 and depth 1 of the shadow map.
-    inverse_near: f32,
-    inverse_far: f32,
-}
-
-struct Frame {
-    // fx, fy, cx, cy of the pixels.
-    intrinsics: vec4f,
-    up: vec3f,
-    padding: f32,
-    // Lux a channel on a surface that faces up, and on one that faces down.
-    sky: vec3f,
-    light_count: u32,
-    ground: vec3f,
-    bounce_radius: f32,
-    bounce_center: vec3f,
-    bounce_lowest: f32,
-    bounce_lux: vec3f,
-    // Where nothing is hit.
-    background: vec3f,
-    lights: array<Light, 4>,
-    // Rigid transforms to the frames of the shadow maps' views, z along the view.
-    light_from_camera: array<mat4x4f, 24>,
-}
-
-@group(0) @binding(0) var<uniform> frame: Frame;
 @group(0) @binding(1) var shadow_maps: texture_depth_2d_array;
 @group(1) @binding(0) var seen_depth: texture_2d<f32>;
 @group(1) @binding(1) var seen_albedo: texture_2d<f32>;
 @group(1) @binding(2) var seen_normal: texture_2d<f32>;
 // See prepare.wgsl.
 @group(1) @binding(3) var prepared: texture_2d<f32>;
-
-@vertex
-fn vs_whole(@builtin(vertex_index) index: u32) -> @builtin(position) vec4f {
-    // One triangle that covers the picture.
-    return vec4f(f32(index & 1u) * 4.0 - 1.0, f32(index >> 1u) * 4.0 - 1.0, 0.5, 1.0);
-}
-
-// Interleaved gradient noise (Jimenez 2014): an angle a pixel.
-fn rotation(pixel: vec2f) -> f32 {
-    return 2.0 * PI * fract(52.982918 * fract(dot(pixel, vec2f(0.06711056, 0.00583715))));
-}
-
-// Cosine and sine of the golden angle: a spiral of steps by it covers a disk evenly (Vogel 1979).
-const GOLDEN = vec2f(-0.73736888, 0.67549029);
-
-fn turn(v: vec2f) -> vec2f {
-    return vec2f(v.x * GOLDEN.x - v.y * GOLDEN.y, v.x * GOLDEN.y + v.y * GOLDEN.x);
-}
 
 // Ambient light from below at a point: the floor's, and the table's as a disk that faces it.
 fn below_of(point: vec3f) -> vec3f {
@@ -113,15 +56,15 @@ fn ambient_gloss(specular: vec3f, roughness: f32, n_v: f32) -> vec3f {
 }
 
 // Which face of a cube of views about a light looks towards `v`: +x -x +y -y +z -z.
-fn cube_face(v: vec3f) -> i32 {
+fn cube_face(v: vec3f) -> u32 {
     let a = abs(v);
     if a.x >= a.y && a.x >= a.z {
-        return select(1, 0, v.x > 0.0);
+        return select(1u, 0u, v.x > 0.0);
     }
     if a.y >= a.z {
-        return select(3, 2, v.y > 0.0);
+        return select(3u, 2u, v.y > 0.0);
     }
-    return select(5, 4, v.z > 0.0);
+    return select(5u, 4u, v.z > 0.0);
 }
 
 const SEARCH_TAPS = 6;
@@ -129,40 +72,57 @@ const SHADOW_TAPS = 10;
 // Nothing that casts a shadow stands farther from where it falls than this share of the light's distance.
 const NEAREST_BLOCKER = 0.7;
 
-// Share of an area light that arrives (percentage-closer soft shadows, Fernando 2005). Every comparison is against the
-// plane of the surface where the tap's texel sees it, so that no surface shadows itself however wide the kernel.
+// A surface as one view of a shadow map sees it.
+struct Receiver {
+    layer: u32,
+    // Side of the map, texels, and texels a unit of x/z.
+    size: f32,
+    scale: f32,
+    // Where the point falls, texels from the middle.
+    center: vec2f,
+    // Its inverse depth, and that of its plane at (x/z, y/z): linear in both.
+    inverse: f32,
+    plane: vec3f,
+    // How much nearer something must be to cast a shadow, 1/m.
+    margin: f32,
+}
+
+// Inverse depth of what the shadow map shows `step` texels from the receiver, or 0 where that does not shade it. Each
+// comparison is against the plane of the surface where the tap's texel sees it, so that no surface shadows itself however
+// wide the kernel.
+fn blocker_at(light: Light, receiver: Receiver, step: vec2f) -> f32 {
+    let at = floor(receiver.center + step);
+    let tap = (at + 0.5) / receiver.scale;
+    let last = vec2i(i32(receiver.size) - 1);
+    let texel = clamp(vec2i(vec2f(at.x, -1.0 - at.y) + 0.5 * receiver.size), vec2i(0), last);
+    let span = light.inverse_near - light.inverse_far;
+    let blocker = light.inverse_near - span * textureLoad(shadow_maps, texel, receiver.layer, 0);
+    let surface = dot(receiver.plane, vec3f(tap, 1.0));
+    let limited = clamp(surface, 0.8 * receiver.inverse, 1.25 * receiver.inverse);
+    return select(0.0, blocker, blocker > limited + receiver.margin);
+}
+
+// Share of an area light that arrives (percentage-closer soft shadows, Fernando 2005).
 fn lit(light: Light, spiral: vec2f, point: vec3f, normal: vec3f) -> f32 {
-    if light.first_layer < 0 {
-        return 1.0;
-    }
     var layer = light.first_layer;
-    var p: vec3f;
-    var n: vec3f;
-    if light.faces == 6u {
-        layer += cube_face(point - light.position);
-        let m = frame.light_from_camera[layer];
-        p = (m * vec4f(point, 1.0)).xyz;
-        n = (m * vec4f(normal, 0.0)).xyz;
-    } else {
-        let m = frame.light_from_camera[light.first_layer];
-        p = (m * vec4f(point, 1.0)).xyz;
-        n = (m * vec4f(normal, 0.0)).xyz;
+    if CUBES {
+        layer += select(0u, cube_face(point - light.position), light.faces == 6u);
     }
+    let m = frame.light_from_camera[layer];
+    let p = (m * vec4f(point, 1.0)).xyz;
+    let n = (m * vec4f(normal, 0.0)).xyz;
     let size = f32(textureDimensions(shadow_maps).x);
-    // Pixels of the map a unit of x/z.
     let scale = 0.5 * size / light.tangent;
     let center = p.xy / p.z * scale;
     // Outside the map there is nothing that could cast a shadow.
-    if p.z <= 0.0 || max(abs(center.x), abs(center.y)) > 0.5 * size {
+    if !(p.z > 0.0 && max(abs(center.x), abs(center.y)) <= 0.5 * size) {
         return 1.0;
     }
-    // The triangle's plane: 1/z is linear in x/z and y/z.
     let inverse = 1.0 / p.z;
     let along = dot(n, p);
     let plane = n * select(0.0, 1.0 / along, abs(along) > 1e-5);
     let margin = (0.001 + 0.002 * p.z) * inverse * inverse;
-    let span = light.inverse_near - light.inverse_far;
-    let last = i32(size) - 1;
+    let receiver = Receiver(layer, size, scale, center, inverse, plane, margin);
 
     // Where the half-shadow of the farthest possible blocker ends, texels.
     let farthest = light.radius * (1.0 - NEAREST_BLOCKER) / (NEAREST_BLOCKER * p.z) * scale;
@@ -171,16 +131,10 @@ fn lit(light: Light, spiral: vec2f, point: vec3f, normal: vec3f) -> f32 {
     var blockers = 0.0;
     var blocker_sum = 0.0;
     for (var i = 0; i < SEARCH_TAPS; i++) {
-        let step = direction * (search * sqrt((f32(i) + 0.5) / f32(SEARCH_TAPS)));
+        let blocker = blocker_at(light, receiver, direction * (search * sqrt((f32(i) + 0.5) / f32(SEARCH_TAPS))));
         direction = turn(direction);
-        let at = floor(center + step);
-        let tap = (at + 0.5) / scale;
-        let texel = clamp(vec2i(vec2f(at.x, -1.0 - at.y) + 0.5 * size), vec2i(0), vec2i(last));
-        let blocker = light.inverse_near - span * textureLoad(shadow_maps, texel, layer, 0);
-        let receiver = clamp(plane.x * tap.x + plane.y * tap.y + plane.z, 0.8 * inverse, 1.25 * inverse);
-        let blocks = blocker > receiver + margin;
-        blockers += select(0.0, 1.0, blocks);
-        blocker_sum += select(0.0, blocker, blocks);
+        blockers += select(0.0, 1.0, blocker > 0.0);
+        blocker_sum += blocker;
     }
     if blockers == 0.0 {
         return 1.0;
@@ -189,14 +143,9 @@ fn lit(light: Light, spiral: vec2f, point: vec3f, normal: vec3f) -> f32 {
     let radius = max(min(width, search), 1.2);
     var open = 0.0;
     for (var i = 0; i < SHADOW_TAPS; i++) {
-        let step = direction * (radius * sqrt((f32(i) + 0.5) / f32(SHADOW_TAPS)));
+        let blocker = blocker_at(light, receiver, direction * (radius * sqrt((f32(i) + 0.5) / f32(SHADOW_TAPS))));
         direction = turn(direction);
-        let at = floor(center + step);
-        let tap = (at + 0.5) / scale;
-        let texel = clamp(vec2i(vec2f(at.x, -1.0 - at.y) + 0.5 * size), vec2i(0), vec2i(last));
-        let blocker = light.inverse_near - span * textureLoad(shadow_maps, texel, layer, 0);
-        let receiver = clamp(plane.x * tap.x + plane.y * tap.y + plane.z, 0.8 * inverse, 1.25 * inverse);
-        open += select(1.0, 0.0, blocker > receiver + margin);
+        open += select(1.0, 0.0, blocker > 0.0);
     }
     return open / f32(SHADOW_TAPS);
 }
@@ -230,7 +179,7 @@ fn fs_light(@builtin(position) clip: vec4f) -> @location(0) vec4f {
         + ambient_gloss(specular, roughness, n_v) * ambient_on(below, mirror) / PI)
         * textureLoad(prepared, at, 0).x;
 
-    for (var i = 0u; i < frame.light_count; i++) {
+    for (var i = 0u; i < LIGHT_COUNT; i++) {
         let light = frame.lights[i];
         let difference = light.position - point;
         let squared = max(dot(difference, difference), 1e-4);

@@ -1,15 +1,19 @@
 //! The pipelines (shadow, geometry, light, smooth edges) and the layouts of what they read; made once.
 
+use std::cell::OnceCell;
+
 use wgpu::{
     BindGroup, BindGroupDescriptor, BindGroupEntry, BindGroupLayout, BindGroupLayoutDescriptor,
     BindGroupLayoutEntry, BindingResource, BindingType, BufferBindingType, ColorTargetState, CompareFunction,
-    DepthStencilState, Device, FragmentState, MultisampleState, PipelineLayoutDescriptor, PrimitiveState,
-    RenderPipeline, RenderPipelineDescriptor, SamplerBindingType, ShaderModule, ShaderModuleDescriptor,
-    ShaderSource, ShaderStages, TextureFormat, TextureSampleType, TextureViewDimension, VertexBufferLayout,
-    VertexState, VertexStepMode, vertex_attr_array,
+    DepthStencilState, Device, FragmentState, MultisampleState, PipelineCompilationOptions,
+    PipelineLayoutDescriptor, PrimitiveState, RenderPipeline, RenderPipelineDescriptor, SamplerBindingType,
+    ShaderModule, ShaderModuleDescriptor, ShaderSource, ShaderStages, TextureFormat, TextureSampleType,
+    TextureViewDimension, VertexBufferLayout, VertexState, VertexStepMode, vertex_attr_array,
 };
 
 use super::cache::Vertex;
+use super::shaders;
+use crate::render::shading::MAX_LIGHTS;
 
 /// Metres along the optical axis.
 pub(super) const DEPTH: TextureFormat = TextureFormat::R32Float;
@@ -37,7 +41,10 @@ pub(super) struct Pipelines {
     pub sample: RenderPipeline,
     /// What does not depend on the light: ambient occlusion and edges.
     pub prepare: RenderPipeline,
-    pub light: RenderPipeline,
+    /// One for each number of lights, without and with cubes, made when first needed. Told by a uniform instead, Mesa's
+    /// software driver would translate the shader anew for each frame.
+    lights: [[OnceCell<RenderPipeline>; 2]; MAX_LIGHTS + 1],
+    light: ShaderModule,
     pub smooth: RenderPipeline,
     /// View and instances.
     pub view_group: BindGroupLayout,
@@ -55,11 +62,11 @@ pub(super) struct Pipelines {
 
 impl Pipelines {
     pub fn new(device: &Device) -> Self {
-        let shadow = shader(device, "shadow", include_str!("shadow.wgsl"));
-        let geometry = shader(device, "geometry", include_str!("geometry.wgsl"));
-        let prepare = shader(device, "prepare", include_str!("prepare.wgsl"));
-        let light = shader(device, "light", include_str!("light.wgsl"));
-        let smooth = shader(device, "smooth", include_str!("smooth.wgsl"));
+        let shadow = shader(device, "shadow", shaders::SHADOW);
+        let geometry = shader(device, "geometry", shaders::GEOMETRY);
+        let prepare = shader(device, "prepare", shaders::PREPARE);
+        let light = shader(device, "light", shaders::LIGHT);
+        let smooth = shader(device, "smooth", shaders::SMOOTH);
 
         let uniform = |has_dynamic_offset| BindingType::Buffer {
             ty: BufferBindingType::Uniform,
@@ -102,49 +109,6 @@ impl Pipelines {
             ],
         );
 
-        let pipeline = |stage: &Stage<'_>| {
-            let layout = device.create_pipeline_layout(&PipelineLayoutDescriptor {
-                label: Some(stage.label),
-                bind_group_layouts: stage.groups,
-                immediate_size: 0,
-            });
-            let meshes = [Some(VertexBufferLayout {
-                array_stride: size_of::<Vertex>() as u64,
-                step_mode: VertexStepMode::Vertex,
-                attributes: &vertex_attr_array![
-                    0 => Float32x3, 1 => Float32x3, 2 => Float32x2, 3 => Unorm16x4, 4 => Unorm8x4
-                ],
-            })];
-            let whole_picture = stage.vertex == WHOLE;
-            device.create_render_pipeline(&RenderPipelineDescriptor {
-                label: Some(stage.label),
-                layout: Some(&layout),
-                vertex: VertexState {
-                    module: stage.module,
-                    entry_point: Some(stage.vertex),
-                    compilation_options: Default::default(),
-                    buffers: if whole_picture { &[] } else { &meshes },
-                },
-                // Both sides are drawn, so that open meshes (a sheet, a bin) have an inside.
-                primitive: PrimitiveState::default(),
-                depth_stencil: stage.depth.map(|(compare, write)| DepthStencilState {
-                    format: DEPTH_BUFFER,
-                    depth_write_enabled: Some(write),
-                    depth_compare: Some(compare),
-                    stencil: Default::default(),
-                    bias: Default::default(),
-                }),
-                multisample: MultisampleState::default(),
-                fragment: stage.fragment.map(|entry_point| FragmentState {
-                    module: stage.module,
-                    entry_point: Some(entry_point),
-                    compilation_options: Default::default(),
-                    targets: stage.targets,
-                }),
-                multiview_mask: None,
-                cache: None,
-            })
-        };
         let writes = |format: TextureFormat| Some(ColorTargetState::from(format));
         // The camera's depth buffer is reversed (1 near, 0 at infinity): even precision at all distances.
         let nearer = Some((CompareFunction::Greater, true));
@@ -156,50 +120,58 @@ impl Pipelines {
             groups: &[Some(&view_group), Some(&texture_group)],
             targets: &[DEPTH, SURFACE, COS, ALBEDO, NORMAL].map(writes),
             depth: nearer,
+            constants: &[],
         };
-        let whole = Stage {
-            label: "light",
-            module: &light,
-            vertex: WHOLE,
-            fragment: Some("fs_light"),
-            groups: &[Some(&frame_group), Some(&surface_group)],
-            targets: &[writes(COLOR)],
-            depth: None,
-        };
+        let whole = Stage { vertex: WHOLE, depth: None, ..drawn };
         Self {
-            shadow: pipeline(&Stage {
-                label: "shadow",
-                module: &shadow,
-                vertex: "vs_shadow",
-                fragment: None,
-                groups: &[Some(&view_group)],
-                targets: &[],
-                depth: Some((CompareFunction::Less, true)),
-            }),
-            geometry: pipeline(&drawn),
-            sample: pipeline(&Stage {
-                label: "sample",
-                fragment: Some("fs_sample"),
-                groups: &[Some(&view_group)],
-                targets: &[writes(SURFACE)],
-                ..drawn
-            }),
-            prepare: pipeline(&Stage {
-                label: "prepare",
-                module: &prepare,
-                fragment: Some("fs_prepare"),
-                groups: &[Some(&frame_group), Some(&prepare_group)],
-                targets: &[writes(PREPARED)],
-                ..whole
-            }),
-            light: pipeline(&whole),
-            smooth: pipeline(&Stage {
-                label: "smooth",
-                module: &smooth,
-                fragment: Some("fs_smooth"),
-                groups: &[Some(&smooth_group)],
-                ..whole
-            }),
+            shadow: pipeline(
+                device,
+                &Stage {
+                    label: "shadow",
+                    module: &shadow,
+                    vertex: "vs_shadow",
+                    fragment: None,
+                    groups: &[Some(&view_group)],
+                    targets: &[],
+                    depth: Some((CompareFunction::Less, true)),
+                    constants: &[],
+                },
+            ),
+            geometry: pipeline(device, &drawn),
+            sample: pipeline(
+                device,
+                &Stage {
+                    label: "sample",
+                    fragment: Some("fs_sample"),
+                    groups: &[Some(&view_group)],
+                    targets: &[writes(SURFACE)],
+                    ..drawn
+                },
+            ),
+            prepare: pipeline(
+                device,
+                &Stage {
+                    label: "prepare",
+                    module: &prepare,
+                    fragment: Some("fs_prepare"),
+                    groups: &[Some(&frame_group), Some(&prepare_group)],
+                    targets: &[writes(PREPARED)],
+                    ..whole
+                },
+            ),
+            lights: Default::default(),
+            light,
+            smooth: pipeline(
+                device,
+                &Stage {
+                    label: "smooth",
+                    module: &smooth,
+                    fragment: Some("fs_smooth"),
+                    groups: &[Some(&smooth_group)],
+                    targets: &[writes(COLOR)],
+                    ..whole
+                },
+            ),
             view_group,
             texture_group,
             frame_group,
@@ -208,6 +180,83 @@ impl Pipelines {
             smooth_group,
         }
     }
+
+    pub fn light(&self, device: &Device, lights: Lights) -> &RenderPipeline {
+        self.lights[lights.count][usize::from(lights.cubes)].get_or_init(|| {
+            pipeline(
+                device,
+                &Stage {
+                    label: "light",
+                    module: &self.light,
+                    vertex: WHOLE,
+                    fragment: Some("fs_light"),
+                    groups: &[Some(&self.frame_group), Some(&self.surface_group)],
+                    targets: &[Some(ColorTargetState::from(COLOR))],
+                    depth: None,
+                    constants: &[
+                        ("LIGHT_COUNT", lights.count as f64),
+                        ("CUBES", f64::from(u8::from(lights.cubes))),
+                    ],
+                },
+            )
+        })
+    }
+}
+
+/// What the light shader is made for.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Lights {
+    /// At most [`MAX_LIGHTS`].
+    pub count: usize,
+    /// Whether any shadow map is a cube.
+    pub cubes: bool,
+}
+
+fn pipeline(device: &Device, stage: &Stage<'_>) -> RenderPipeline {
+    let layout = device.create_pipeline_layout(&PipelineLayoutDescriptor {
+        label: Some(stage.label),
+        bind_group_layouts: stage.groups,
+        immediate_size: 0,
+    });
+    let meshes = [Some(VertexBufferLayout {
+        array_stride: size_of::<Vertex>() as u64,
+        step_mode: VertexStepMode::Vertex,
+        attributes: &vertex_attr_array![
+            0 => Float32x3, 1 => Float32x3, 2 => Float32x2, 3 => Unorm16x4, 4 => Unorm8x4
+        ],
+    })];
+    let whole_picture = stage.vertex == WHOLE;
+    device.create_render_pipeline(&RenderPipelineDescriptor {
+        label: Some(stage.label),
+        layout: Some(&layout),
+        vertex: VertexState {
+            module: stage.module,
+            entry_point: Some(stage.vertex),
+            compilation_options: Default::default(),
+            buffers: if whole_picture { &[] } else { &meshes },
+        },
+        // Both sides are drawn, so that open meshes (a sheet, a bin) have an inside.
+        primitive: PrimitiveState::default(),
+        depth_stencil: stage.depth.map(|(compare, write)| DepthStencilState {
+            format: DEPTH_BUFFER,
+            depth_write_enabled: Some(write),
+            depth_compare: Some(compare),
+            stencil: Default::default(),
+            bias: Default::default(),
+        }),
+        multisample: MultisampleState::default(),
+        fragment: stage.fragment.map(|entry_point| FragmentState {
+            module: stage.module,
+            entry_point: Some(entry_point),
+            compilation_options: PipelineCompilationOptions {
+                constants: stage.constants,
+                ..Default::default()
+            },
+            targets: stage.targets,
+        }),
+        multiview_mask: None,
+        cache: None,
+    })
 }
 
 /// The vertex stage that covers the picture and reads no mesh.
@@ -224,6 +273,8 @@ struct Stage<'a> {
     targets: &'a [Option<ColorTargetState>],
     /// Comparison with the depth buffer, and whether it is written.
     depth: Option<(CompareFunction, bool)>,
+    /// Values of the fragment shader's `override` declarations.
+    constants: &'a [(&'a str, f64)],
 }
 
 fn shader(device: &Device, label: &str, source: &'static str) -> ShaderModule {

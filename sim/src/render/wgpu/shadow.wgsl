@@ -4,15 +4,7 @@ struct View {
     shadow_from_camera: mat4x4f,
 }
 
-struct Instance {
-    camera_from_mesh: mat4x4f,
-    base_color: vec3f,
-    roughness: f32,
-    metallic: f32,
-}
-
 @group(0) @binding(0) var<uniform> view: View;
-@group(0) @binding(1) var<storage, read> instances: array<Instance>;
 
 @vertex
 fn vs_shadow(

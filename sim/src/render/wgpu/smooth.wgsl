@@ -10,19 +10,8 @@
 // See prepare.wgsl.
 @group(0) @binding(5) var prepared: texture_2d<f32>;
 
-@vertex
-fn vs_whole(@builtin(vertex_index) index: u32) -> @builtin(position) vec4f {
-    return vec4f(f32(index & 1u) * 4.0 - 1.0, f32(index >> 1u) * 4.0 - 1.0, 0.5, 1.0);
-}
-
 // Distance of the near plane, metres: the depth buffer holds NEAR / z.
 const NEAR = 0.02;
-// How much the normals of two surfaces (see geometry.wgsl) differ, squared; large for different instances.
-fn difference(a: u32, b: u32) -> f32 {
-    let x = (f32((a >> 8u) & 255u) - f32((b >> 8u) & 255u)) / 127.5;
-    let y = (f32(a & 255u) - f32(b & 255u)) / 127.5;
-    return x * x + y * y + select(0.0, 100.0, ((a ^ b) & 0xffff0000u) != 0u);
-}
 
 @fragment
 fn fs_smooth(@builtin(position) clip: vec4f) -> @location(0) vec4f {
