@@ -284,7 +284,7 @@ fn against(
     random: &mut ChaCha8Rng,
 ) -> [f64; 2] {
     let pose = world.truth(index);
-    let distance = random.random_range(0.4..0.9) * (radius + reach(world.object(index), &pose.rotation()).1);
+    let distance = random.random_range(0.1..0.7) * (radius + reach(world.object(index), &pose.rotation()).1);
     let direction = random.random_range(-std::f64::consts::PI..std::f64::consts::PI);
     let at = pose.translation().xy() + distance * Vector2::new(direction.cos(), direction.sin());
     [0, 1].map(|axis| {

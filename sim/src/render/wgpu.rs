@@ -30,7 +30,7 @@ use self::pipelines::{Lights, Pipelines, bind};
 use self::shadow::{Caster, ShadowViews, shadow_views};
 use self::shown::{Shown, may_be_seen};
 use self::targets::{ShadowMaps, Targets};
-use self::uniforms::{Frame, MAX_SHADOW_VIEWS, NO_SHADOW};
+use self::uniforms::{Frame, MAX_SHADOW_VIEWS};
 use super::SUBPIXELS;
 use super::check::check_view;
 use super::shading::{BOUNCE_LOWEST, MIN_ROUGHNESS, ViewLighting};
@@ -219,7 +219,7 @@ impl WgpuRenderer {
             background: lighting.background,
             padding_4: 0.0,
             lights: Default::default(),
-            light_from_camera: [[[0.0; 4]; 4]; MAX_SHADOW_VIEWS + 1],
+            layer_from_camera: [[[0.0; 4]; 4]; MAX_SHADOW_VIEWS],
         };
         let mut layer = 0;
         for (i, (light, shadow)) in lighting.lights.iter().zip(shadows).enumerate() {
@@ -230,7 +230,6 @@ impl WgpuRenderer {
                 cos_inner: light.cos_inner,
                 intensity: light.intensity.into(),
                 radius: light.radius,
-                first_layer: NO_SHADOW as u32,
                 tangent: 1.0,
                 ..Default::default()
             };
@@ -241,9 +240,11 @@ impl WgpuRenderer {
                 uniform.tangent = views.tangent as f32;
                 uniform.inverse_near = (1.0 / views.near) as f32;
                 uniform.inverse_far = (1.0 / views.far) as f32;
+                // One of a cube's: what a light without cubes goes by.
+                uniform.view_from_camera = views.light_from_camera[0].into();
                 let projection = views.projection();
                 for rigid in &views.light_from_camera {
-                    frame.light_from_camera[layer] = (*rigid).into();
+                    frame.layer_from_camera[layer] = (*rigid).into();
                     let matrix: [[f32; 4]; 4] = (projection * rigid).into();
                     self.gpu.queue.write_buffer(
                         &self.views,
@@ -401,7 +402,7 @@ impl Renderer for WgpuRenderer {
         };
 
         // What stands behind the camera casts shadows into the picture, but need not be drawn.
-        let in_view: Vec<(usize, &Instance)> = (0..)
+        let mut in_view: Vec<(usize, &Instance)> = (0..)
             .zip(drawn.iter().copied())
             .filter(|(_, instance)| {
                 let mesh = self.cache.mesh(&instance.visual.mesh);
@@ -409,6 +410,11 @@ impl Renderer for WgpuRenderer {
                 may_be_seen(intrinsics, &center, mesh.radius)
             })
             .collect();
+        // Small things mostly stand before large ones (objects, table, walls): drawn first, they spare what they hide.
+        in_view.sort_by(|(_, a), (_, b)| {
+            let radius = |instance: &Instance| self.cache.mesh(&instance.visual.mesh).radius;
+            radius(a).total_cmp(&radius(b))
+        });
         let shown = Shown::new(&drawn, intrinsics, world_from_camera);
         let mut encoder = self.gpu.device.create_command_encoder(&Default::default());
         self.draw_shadows(&mut encoder, &drawn, views);

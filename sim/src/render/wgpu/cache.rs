@@ -207,7 +207,8 @@ fn upload_texture(
         mip_level_count: levels.len().max(1) as u32,
         sample_count: 1,
         dimension: TextureDimension::D2,
-        format: TextureFormat::Rgba8UnormSrgb,
+        // sRGB, decoded by the shader after filtering: a software adapter would decode eight texels a pixel.
+        format: TextureFormat::Rgba8Unorm,
         usage: TextureUsages::TEXTURE_BINDING | TextureUsages::COPY_DST,
         view_formats: &[],
     });

@@ -67,6 +67,11 @@ fn seen_normal(in: Varying, face: vec3f) -> vec3f {
     return select(in.normal, -in.normal, dot(in.normal, face) < 0.0) / length;
 }
 
+// IEC 61966-2-1.
+fn linear_of_srgb(c: vec3f) -> vec3f {
+    return select(c / 12.92, pow((c + 0.055) / 1.055, vec3f(2.4)), c > vec3f(0.04045));
+}
+
 fn surface_of(instance: u32, normal: vec3f) -> u32 {
     let xy = vec2u(round(127.5 + 127.5 * normal.xy));
     return (instance << 16u) | (xy.x << 8u) | xy.y;
@@ -77,7 +82,7 @@ struct Geometry {
     // Instance from 1 on in the upper half, normal (x, y) in the lower.
     @location(1) surface: u32,
     @location(2) cos_incidence: f32,
-    // Linear colour (stored as sRGB), roughness.
+    // Square root of linear colour (dark tones need the finer steps), roughness.
     @location(3) albedo: vec4f,
     // Unit normal mapped to 0 .. 1, metallic.
     @location(4) normal: vec4f,
@@ -85,13 +90,13 @@ struct Geometry {
 
 @fragment
 fn fs_geometry(in: Varying) -> Geometry {
-    let texel = textureSample(base_texture, base_sampler, in.uv).rgb;
+    let texel = linear_of_srgb(textureSample(base_texture, base_sampler, in.uv).rgb);
     let normal = seen_normal(in, face_normal(in.point));
     var out: Geometry;
     out.depth = in.point.z;
     out.surface = surface_of(in.instance, normal);
     out.cos_incidence = min(abs(dot(normal, normalize(in.point))), 1.0);
-    out.albedo = vec4f(in.color * texel, in.finish.x);
+    out.albedo = vec4f(sqrt(in.color * texel), in.finish.x);
     out.normal = vec4f(0.5 + 0.5 * normal, in.finish.y);
     return out;
 }

@@ -105,10 +105,11 @@ fn blocker_at(light: Light, receiver: Receiver, step: vec2f) -> f32 {
 // Share of an area light that arrives (percentage-closer soft shadows, Fernando 2005).
 fn lit(light: Light, spiral: vec2f, point: vec3f, normal: vec3f) -> f32 {
     var layer = light.first_layer;
+    var m = light.view_from_camera;
     if CUBES {
         layer += select(0u, cube_face(point - light.position), light.faces == 6u);
+        m = frame.layer_from_camera[layer];
     }
-    let m = frame.light_from_camera[layer];
     let p = (m * vec4f(point, 1.0)).xyz;
     let n = (m * vec4f(normal, 0.0)).xyz;
     let size = f32(textureDimensions(shadow_maps).x);
@@ -150,6 +151,44 @@ fn lit(light: Light, spiral: vec2f, point: vec3f, normal: vec3f) -> f32 {
     return open / f32(SHADOW_TAPS);
 }
 
+struct Surface {
+    point: vec3f,
+    normal: vec3f,
+    // Unit vector to the camera, and its cosine with the normal.
+    seen: vec3f,
+    n_v: f32,
+    // Reflectance at normal incidence, and of the body beneath.
+    specular: vec3f,
+    diffuse: vec3f,
+    roughness: f32,
+}
+
+// Luminance of a surface in one light.
+fn reflected(light: Light, surface: Surface, spiral: vec2f) -> vec3f {
+    let difference = light.position - surface.point;
+    let squared = max(dot(difference, difference), 1e-4);
+    let distance = sqrt(squared);
+    let to_light = difference / distance;
+    let s = clamp(
+        (-dot(to_light, light.axis) - light.cos_outer) / max(light.cos_inner - light.cos_outer, 1e-4),
+        0.0,
+        1.0,
+    );
+    let beam = s * s * (3.0 - 2.0 * s);
+    let n_l = dot(surface.normal, to_light);
+    if beam <= 0.0 || n_l <= 0.0 {
+        return vec3f(0.0);
+    }
+    let share = lit(light, spiral, surface.point, surface.normal);
+    let illuminance = light.intensity * (beam / squared);
+    let halfway = normalize(to_light + surface.seen);
+    let fresnel = schlick(surface.specular, max(dot(surface.seen, halfway), 0.0));
+    let roughness = surface.roughness;
+    let widened = sqrt(min(roughness * roughness + 0.5 * light.radius / max(distance, 0.01), 1.0));
+    let gloss = fresnel * ggx(widened, dot(surface.normal, halfway), n_l, surface.n_v);
+    return (surface.diffuse * (1.0 - fresnel) + gloss) * illuminance * (n_l * share);
+}
+
 @fragment
 fn fs_light(@builtin(position) clip: vec4f) -> @location(0) vec4f {
     let pixel = floor(clip.xy);
@@ -160,9 +199,9 @@ fn fs_light(@builtin(position) clip: vec4f) -> @location(0) vec4f {
     }
     let k = frame.intrinsics;
     let point = vec3f((pixel - k.zw) / k.xy * depth, depth);
-    let surface = textureLoad(seen_albedo, at, 0);
-    let albedo = surface.rgb;
-    let roughness = surface.a;
+    let coded = textureLoad(seen_albedo, at, 0);
+    let albedo = coded.rgb * coded.rgb;
+    let roughness = coded.a;
     let turned = textureLoad(seen_normal, at, 0);
     let normal = normalize(2.0 * turned.xyz - 1.0);
     let metallic = turned.a;
@@ -179,29 +218,19 @@ fn fs_light(@builtin(position) clip: vec4f) -> @location(0) vec4f {
         + ambient_gloss(specular, roughness, n_v) * ambient_on(below, mirror) / PI)
         * textureLoad(prepared, at, 0).x;
 
-    for (var i = 0u; i < LIGHT_COUNT; i++) {
-        let light = frame.lights[i];
-        let difference = light.position - point;
-        let squared = max(dot(difference, difference), 1e-4);
-        let distance = sqrt(squared);
-        let to_light = difference / distance;
-        let s = clamp(
-            (-dot(to_light, light.axis) - light.cos_outer) / max(light.cos_inner - light.cos_outer, 1e-4),
-            0.0,
-            1.0,
-        );
-        let beam = s * s * (3.0 - 2.0 * s);
-        let n_l = dot(normal, to_light);
-        if beam <= 0.0 || n_l <= 0.0 {
-            continue;
-        }
-        let share = lit(light, spiral, point, normal);
-        let illuminance = light.intensity * (beam / squared);
-        let halfway = normalize(to_light + seen);
-        let fresnel = schlick(specular, max(dot(seen, halfway), 0.0));
-        let widened = sqrt(min(roughness * roughness + 0.5 * light.radius / max(distance, 0.01), 1.0));
-        let gloss = fresnel * ggx(widened, dot(normal, halfway), n_l, n_v);
-        radiance += (diffuse * (1.0 - fresnel) + gloss) * illuminance * (n_l * share);
+    // No loop: an index that is known beforehand spares a software adapter to gather each value lane by lane.
+    let surface = Surface(point, normal, seen, n_v, specular, diffuse, roughness);
+    if LIGHT_COUNT > 0u {
+        radiance += reflected(frame.lights[0], surface, spiral);
+    }
+    if LIGHT_COUNT > 1u {
+        radiance += reflected(frame.lights[1], surface, spiral);
+    }
+    if LIGHT_COUNT > 2u {
+        radiance += reflected(frame.lights[2], surface, spiral);
+    }
+    if LIGHT_COUNT > 3u {
+        radiance += reflected(frame.lights[3], surface, spiral);
     }
     return vec4f(clamp(radiance, vec3f(0.0), vec3f(MAX_LUMINANCE)), 1.0);
 }

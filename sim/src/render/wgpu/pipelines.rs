@@ -26,8 +26,8 @@ pub(super) const COLOR: TextureFormat = TextureFormat::Rgba16Float;
 /// Depth buffers.
 pub(super) const DEPTH_BUFFER: TextureFormat = TextureFormat::Depth32Float;
 
-/// Linear colour and roughness.
-pub(super) const ALBEDO: TextureFormat = TextureFormat::Rgba8UnormSrgb;
+/// Square root of linear colour, and roughness.
+pub(super) const ALBEDO: TextureFormat = TextureFormat::Rgba8Unorm;
 /// Normal, each component from 0 to 1, and metallic: 0, 1/3, 2/3 or 1.
 pub(super) const NORMAL: TextureFormat = TextureFormat::Rgb10a2Unorm;
 
