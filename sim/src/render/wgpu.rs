@@ -349,7 +349,8 @@ impl WgpuRenderer {
     }
 
     fn draw_mesh(&self, pass: &mut RenderPass<'_>, index: usize, instance: &Instance, coarse: bool) {
-        let mesh = self.cache.mesh(&instance.visual.mesh).triangles(coarse);
+        let mesh = self.cache.mesh(&instance.visual.mesh);
+        let mesh = if coarse { &mesh.coarse } else { &mesh.fine };
         pass.set_vertex_buffer(0, mesh.vertices.slice(..));
         pass.set_index_buffer(mesh.indices.slice(..), IndexFormat::Uint32);
         let index = index as u32;

@@ -6,7 +6,7 @@ use std::sync::Arc;
 
 use bytemuck::{Pod, Zeroable};
 use image::RgbImage;
-use nalgebra::Point3;
+use nalgebra::{Point3, Vector3};
 use wgpu::util::{BufferInitDescriptor, DeviceExt};
 use wgpu::{
     AddressMode, BindGroup, BindGroupDescriptor, BindGroupEntry, BindGroupLayout, BindingResource, Buffer,
@@ -36,6 +36,14 @@ pub(super) struct Vertex {
     finish: [u8; 4],
 }
 
+/// A vertex of triangles that have one normal each, that of their first vertex.
+#[derive(Clone, Copy, Pod, Zeroable)]
+#[repr(C)]
+pub(super) struct FlatVertex {
+    position: [f32; 3],
+    normal: [f32; 3],
+}
+
 /// Triangles on the device.
 pub(super) struct Triangles {
     pub vertices: Buffer,
@@ -46,24 +54,17 @@ pub(super) struct Triangles {
 /// A mesh on the device.
 pub(super) struct GpuMesh {
     pub fine: Triangles,
-    /// Positions alone, within [`COARSE_ERROR`]: for shadows and further samples, whose price on software adapters is that
+    /// Of [`FlatVertex`], within [`COARSE_ERROR`]: for shadows and further samples, whose price on software adapters is that
     /// of their triangles.
-    pub coarse: Option<Triangles>,
+    pub coarse: Triangles,
     /// Bounding sphere in the mesh's frame.
     pub center: Point3<f64>,
     pub radius: f64,
 }
 
-impl GpuMesh {
-    /// The triangles to draw where `coarse` ones will do, or not.
-    pub fn triangles(&self, coarse: bool) -> &Triangles {
-        self.coarse.as_ref().filter(|_| coarse).unwrap_or(&self.fine)
-    }
-}
-
 /// How far the coarse surface may be from the fine one, metres: a third of a pixel at 0.6 m.
 const COARSE_ERROR: f32 = 0.0004;
-/// Meshes of fewer triangles have no coarse version.
+/// Meshes of fewer triangles keep all of them.
 const FEW_TRIANGLES: usize = 400;
 
 /// Everything uploaded so far. It holds the `Arc`s, so that an address is never used twice.
@@ -152,17 +153,16 @@ fn upload_mesh(gpu: &Gpu, mesh: &Mesh) -> GpuMesh {
             (low.inf(&p), high.sup(&p))
         });
     let center = nalgebra::center(&low, &high);
+    let (flat, flat_indices) = coarse(mesh);
     GpuMesh {
         fine: upload(gpu, &vertices, mesh.triangles.as_flattened()),
-        coarse: (mesh.triangles.len() >= FEW_TRIANGLES)
-            .then(|| coarse(mesh))
-            .map(|(vertices, indices)| upload(gpu, &vertices, &indices)),
+        coarse: upload(gpu, &flat, &flat_indices),
         center,
         radius: positions().map(|p| nalgebra::distance(&p, &center)).fold(0.0, f64::max),
     }
 }
 
-fn upload(gpu: &Gpu, vertices: &[Vertex], indices: &[u32]) -> Triangles {
+fn upload<V: Pod>(gpu: &Gpu, vertices: &[V], indices: &[u32]) -> Triangles {
     let buffer = |label, contents: &[u8], usage| {
         gpu.device.create_buffer_init(&BufferInitDescriptor { label: Some(label), contents, usage })
     };
@@ -173,8 +173,9 @@ fn upload(gpu: &Gpu, vertices: &[Vertex], indices: &[u32]) -> Triangles {
     }
 }
 
-/// The surface with as few triangles as [`COARSE_ERROR`] allows; its normals are zero, which stands for the triangles' own.
-fn coarse(mesh: &Mesh) -> (Vec<Vertex>, Vec<u32>) {
+/// The surface with as few triangles as [`COARSE_ERROR`] allows. The first vertex of each triangle belongs to it alone and
+/// has its normal.
+fn coarse(mesh: &Mesh) -> (Vec<FlatVertex>, Vec<u32>) {
     // Vertices that differ in normal or texture alone are one: else seams would hold the surface fast.
     let mut welded: Vec<[f32; 3]> = Vec::new();
     let mut numbers: HashMap<[u32; 3], u32> = HashMap::new();
@@ -185,10 +186,29 @@ fn coarse(mesh: &Mesh) -> (Vec<Vertex>, Vec<u32>) {
             welded.len() as u32 - 1
         })
     };
-    let indices: Vec<u32> = mesh.triangles.as_flattened().iter().map(|&i| number(i)).collect();
-    let options = meshopt::SimplifyOptions::ErrorAbsolute;
-    let indices = meshopt::simplify_decoder(&indices, &welded, 0, COARSE_ERROR, options, None);
-    let vertices = welded.iter().map(|&position| Vertex { position, ..Vertex::zeroed() }).collect();
+    let mut indices: Vec<u32> = mesh.triangles.as_flattened().iter().map(|&i| number(i)).collect();
+    if mesh.triangles.len() >= FEW_TRIANGLES {
+        let options = meshopt::SimplifyOptions::ErrorAbsolute;
+        indices = meshopt::simplify_decoder(&indices, &welded, 0, COARSE_ERROR, options, None);
+    }
+
+    let mut vertices: Vec<FlatVertex> =
+        welded.iter().map(|&position| FlatVertex { position, normal: [0.0; 3] }).collect();
+    let mut taken = vec![false; vertices.len()];
+    for corners in indices.as_chunks_mut::<3>().0 {
+        let [a, b, c] = corners.map(|i| Vector3::from(welded[i as usize]));
+        let normal = (b - a).cross(&(c - a)).try_normalize(0.0).unwrap_or_default();
+        if let Some(free) = corners.iter().position(|&i| !taken[i as usize]) {
+            corners.rotate_left(free);
+            taken[corners[0] as usize] = true;
+        } else {
+            vertices.push(vertices[corners[0] as usize]);
+            welded.push(welded[corners[0] as usize]);
+            taken.push(true);
+            corners[0] = vertices.len() as u32 - 1;
+        }
+        vertices[corners[0] as usize].normal = normal.into();
+    }
     (vertices, indices)
 }
 

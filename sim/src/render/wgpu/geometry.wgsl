@@ -22,6 +22,11 @@ struct Varying {
     @location(5) @interpolate(flat) instance: u32,
 }
 
+fn project(point: vec3f) -> vec4f {
+    let p = view.projection;
+    return vec4f(point.x * p.x + point.z * p.z, -(point.y * p.y + point.z * p.w), view.near, point.z);
+}
+
 @vertex
 fn vs_main(
     @builtin(instance_index) index: u32,
@@ -34,14 +39,8 @@ fn vs_main(
 ) -> Varying {
     let camera_from_mesh = instances[index].camera_from_mesh;
     let point = (camera_from_mesh * vec4f(position, 1.0)).xyz;
-    let p = view.projection;
     var out: Varying;
-    out.clip = vec4f(
-        point.x * p.x + point.z * p.z,
-        -(point.y * p.y + point.z * p.w),
-        view.near,
-        point.z,
-    );
+    out.clip = project(point);
     out.point = point;
     out.normal = (camera_from_mesh * vec4f(normal, 0.0)).xyz;
     out.uv = uv;
@@ -67,14 +66,14 @@ fn seen_normal(in: Varying, face: vec3f) -> vec3f {
     return select(in.normal, -in.normal, dot(in.normal, face) < 0.0) / length;
 }
 
-// IEC 61966-2-1.
-fn linear_of_srgb(c: vec3f) -> vec3f {
-    return select(c / 12.92, pow((c + 0.055) / 1.055, vec3f(2.4)), c > vec3f(0.04045));
-}
-
 fn surface_of(instance: u32, normal: vec3f) -> u32 {
     let xy = vec2u(round(127.5 + 127.5 * normal.xy));
     return (instance << 16u) | (xy.x << 8u) | xy.y;
+}
+
+// IEC 61966-2-1.
+fn linear_of_srgb(c: vec3f) -> vec3f {
+    return select(c / 12.92, pow((c + 0.055) / 1.055, vec3f(2.4)), c > vec3f(0.04045));
 }
 
 struct Geometry {
@@ -101,8 +100,26 @@ fn fs_geometry(in: Varying) -> Geometry {
     return out;
 }
 
+struct Sample {
+    @builtin(position) clip: vec4f,
+    // Of the triangle's first vertex.
+    @location(0) @interpolate(flat, first) surface: u32,
+}
+
+@vertex
+fn vs_sample(
+    @builtin(instance_index) index: u32,
+    @location(0) position: vec3f,
+    @location(1) normal: vec3f,
+) -> Sample {
+    let camera_from_mesh = instances[index].camera_from_mesh;
+    let point = (camera_from_mesh * vec4f(position, 1.0)).xyz;
+    let face = (camera_from_mesh * vec4f(normal, 0.0)).xyz;
+    return Sample(project(point), surface_of(index + 1u, select(face, -face, dot(face, point) > 0.0)));
+}
+
 // One more sample of a pixel.
 @fragment
-fn fs_sample(in: Varying) -> @location(0) u32 {
-    return surface_of(in.instance, seen_normal(in, face_normal(in.point)));
+fn fs_sample(in: Sample) -> @location(0) u32 {
+    return in.surface;
 }

@@ -11,7 +11,7 @@ use wgpu::{
     TextureViewDimension, VertexBufferLayout, VertexState, VertexStepMode, vertex_attr_array,
 };
 
-use super::cache::Vertex;
+use super::cache::{FlatVertex, Vertex};
 use super::shaders;
 use crate::render::shading::MAX_LIGHTS;
 
@@ -116,13 +116,14 @@ impl Pipelines {
             label: "geometry",
             module: &geometry,
             vertex: "vs_main",
+            vertices: Vertices::Full,
             fragment: Some("fs_geometry"),
             groups: &[Some(&view_group), Some(&texture_group)],
             targets: &[DEPTH, SURFACE, COS, ALBEDO, NORMAL].map(writes),
             depth: nearer,
             constants: &[],
         };
-        let whole = Stage { vertex: WHOLE, depth: None, ..drawn };
+        let whole = Stage { vertex: WHOLE, vertices: Vertices::None, depth: None, ..drawn };
         Self {
             shadow: pipeline(
                 device,
@@ -130,6 +131,7 @@ impl Pipelines {
                     label: "shadow",
                     module: &shadow,
                     vertex: "vs_shadow",
+                    vertices: Vertices::Flat,
                     fragment: None,
                     groups: &[Some(&view_group)],
                     targets: &[],
@@ -142,6 +144,8 @@ impl Pipelines {
                 device,
                 &Stage {
                     label: "sample",
+                    vertex: "vs_sample",
+                    vertices: Vertices::Flat,
                     fragment: Some("fs_sample"),
                     groups: &[Some(&view_group)],
                     targets: &[writes(SURFACE)],
@@ -189,6 +193,7 @@ impl Pipelines {
                     label: "light",
                     module: &self.light,
                     vertex: WHOLE,
+                    vertices: Vertices::None,
                     fragment: Some("fs_light"),
                     groups: &[Some(&self.frame_group), Some(&self.surface_group)],
                     targets: &[Some(ColorTargetState::from(COLOR))],
@@ -218,14 +223,18 @@ fn pipeline(device: &Device, stage: &Stage<'_>) -> RenderPipeline {
         bind_group_layouts: stage.groups,
         immediate_size: 0,
     });
-    let meshes = [Some(VertexBufferLayout {
+    let flat = [Some(VertexBufferLayout {
+        array_stride: size_of::<FlatVertex>() as u64,
+        step_mode: VertexStepMode::Vertex,
+        attributes: &vertex_attr_array![0 => Float32x3, 1 => Float32x3],
+    })];
+    let full = [Some(VertexBufferLayout {
         array_stride: size_of::<Vertex>() as u64,
         step_mode: VertexStepMode::Vertex,
         attributes: &vertex_attr_array![
             0 => Float32x3, 1 => Float32x3, 2 => Float32x2, 3 => Unorm16x4, 4 => Unorm8x4
         ],
     })];
-    let whole_picture = stage.vertex == WHOLE;
     device.create_render_pipeline(&RenderPipelineDescriptor {
         label: Some(stage.label),
         layout: Some(&layout),
@@ -233,7 +242,11 @@ fn pipeline(device: &Device, stage: &Stage<'_>) -> RenderPipeline {
             module: stage.module,
             entry_point: Some(stage.vertex),
             compilation_options: Default::default(),
-            buffers: if whole_picture { &[] } else { &meshes },
+            buffers: match stage.vertices {
+                Vertices::None => &[],
+                Vertices::Flat => &flat,
+                Vertices::Full => &full,
+            },
         },
         // Both sides are drawn, so that open meshes (a sheet, a bin) have an inside.
         primitive: PrimitiveState::default(),
@@ -262,12 +275,23 @@ fn pipeline(device: &Device, stage: &Stage<'_>) -> RenderPipeline {
 /// The vertex stage that covers the picture and reads no mesh.
 const WHOLE: &str = "vs_whole";
 
+/// What a vertex stage reads.
+#[derive(Clone, Copy)]
+enum Vertices {
+    None,
+    /// [`FlatVertex`].
+    Flat,
+    /// [`Vertex`].
+    Full,
+}
+
 /// What differs between the pipelines.
 #[derive(Clone, Copy)]
 struct Stage<'a> {
     label: &'a str,
     module: &'a ShaderModule,
     vertex: &'a str,
+    vertices: Vertices,
     fragment: Option<&'a str>,
     groups: &'a [Option<&'a BindGroupLayout>],
     targets: &'a [Option<ColorTargetState>],
