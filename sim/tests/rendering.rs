@@ -370,7 +370,6 @@ fn resident() -> Option<u64> {
 }
 
 #[test]
-#[ignore = "fails: about 2 MB a frame are not given back on lavapipe 22.3; the cause is not found yet"]
 fn two_thousand_frames_of_ever_new_meshes_leave_memory_flat() {
     let Some(mut renderer) = wgpu_or_skip("memory") else { return };
     let camera = Intrinsics { width: 64, height: 48, fx: 60.0, fy: 60.0, cx: 31.5, cy: 23.5 };

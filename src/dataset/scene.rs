@@ -1,5 +1,7 @@
 //! One scene of a data set: layouts by physics, frames by renderer and sensors, files.
 
+use std::cell::RefCell;
+use std::collections::HashMap;
 use std::path::Path;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -228,7 +230,10 @@ impl Making<'_> {
             }
         };
         let pinhole = self.plan.pinhole();
-        let accept = |placed: &[Placed]| outlines(placed, &world_from_camera, pinhole).map(|_| ());
+        let known = RefCell::new(Known::default());
+        let outlines =
+            |placed: &[Placed]| outlines(placed, &world_from_camera, pinhole, &mut known.borrow_mut());
+        let accept = |placed: &[Placed]| outlines(placed).map(|_| ());
         let fresh = || {
             World::new(scene, setup.robot.clone(), &setup.config, setup.start.clone()).map(World::for_layout)
         };
@@ -236,8 +241,7 @@ impl Making<'_> {
         self.timings.physics += began.elapsed();
         let (world, dropped) = dropped?;
         self.rejected.extend(dropped.rejected.into_iter().map(|reason| format!("{name}: {reason}")));
-        let mut outlines =
-            outlines(&world.placed(), &world_from_camera, pinhole).map_err(anyhow::Error::msg)?;
+        let mut outlines = outlines(&world.placed()).map_err(anyhow::Error::msg)?;
         if let Some(lens) = &self.plan.lens {
             outlines = outlines.iter().map(|outline| distorted(lens, outline)).collect::<Result<_>>()?;
         }
@@ -324,18 +328,41 @@ impl Making<'_> {
     }
 }
 
+/// Outlines of the objects where they last were: in a growing heap most of them have not moved since.
+#[derive(Default)]
+struct Known(HashMap<usize, (Pose<WorldFrame, Object>, Option<Silhouette>)>);
+
+impl Known {
+    /// The outline of object `index` at `pose`.
+    fn outline(
+        &mut self,
+        index: usize,
+        pose: &Pose<WorldFrame, Object>,
+        draw: impl FnOnce() -> Option<Silhouette>,
+    ) -> Option<Silhouette> {
+        if self.0.get(&index).is_none_or(|(before, _)| before != pose) {
+            self.0.insert(index, (*pose, draw()));
+        }
+        self.0.get(&index).and_then(|(_, outline)| outline.clone())
+    }
+}
+
 /// The outline of each object, or the first one that is not well in the picture, or hidden by the others.
 fn outlines(
     placed: &[Placed],
     world_from_camera: &Pose<WorldFrame, Camera>,
     pinhole: &Intrinsics,
+    known: &mut Known,
 ) -> std::result::Result<Vec<Silhouette>, String> {
     let camera_from_world = world_from_camera.inverse();
     let mut outlines = Vec::new();
     let mut front = Image::filled(pinhole.width, pinhole.height, (0.0, usize::MAX));
     for (i, (model, pose)) in placed.iter().enumerate() {
         let name = &model.info.name;
-        let outline = render::silhouette(&model.visual.mesh, &(camera_from_world * *pose), pinhole)
+        let outline = known
+            .outline(i, pose, || {
+                render::silhouette(&model.visual.mesh, &(camera_from_world * *pose), pinhole)
+            })
             .ok_or_else(|| format!("{name} is out of the picture"))?;
         let inside = share_inside(&outline, pinhole);
         if inside < LEAST_INSIDE {
