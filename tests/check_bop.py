@@ -98,9 +98,9 @@ def diameter(points):
     return max(np.linalg.norm(outer - p, axis=1).max() for p in outer)
 
 
-def check_models(root, tolerance_mm):
+def check_models(folder, tolerance_mm):
     """Every model against models_info.json; returns the models by object."""
-    folder, models = root / "models", {}
+    models = {}
     for key, info in (load_json(folder / "models_info.json") or {}).items():
         path = folder / f"obj_{int(key):06d}.ply"
         if not check(path.is_file(), f"{path}: is missing"):
@@ -190,6 +190,19 @@ def check_masks(name, info, mask, seen, depth):
     within = x <= left and y <= top and left + inner_w <= x + w and top + inner_h <= y + h
     check(within if cut else [x, y, w, h] == toolkit_bbox(mask), f"{name}: bbox_obj {info['bbox_obj']} is not that of mask")
     check(cut == (everything > inside), f"{name}: px_count_all {everything}, mask {inside}, bbox_obj {info['bbox_obj']}")
+
+
+def check_evaluation_models(root, models, tolerance_mm):
+    """The models for evaluation: the same numbers, sizes and symmetries as the others, and vertices spread evenly."""
+    check(load_json(root / "models_eval" / "models_info.json") == load_json(root / "models" / "models_info.json"),
+          f"{root / 'models_eval'}: models_info.json differs from that of models")
+    for key, (points, triangles) in check_models(root / "models_eval", tolerance_mm).items():
+        corners = points[triangles]
+        edges = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2)
+        check(edges.max() <= 6.01, f"object {key}: an edge of {edges.max()} mm in models_eval")
+        area = lambda p, t: np.linalg.norm(np.cross(p[t[:, 1]] - p[t[:, 0]], p[t[:, 2]] - p[t[:, 0]]), axis=1).sum()
+        whole = area(*models[key])
+        check(abs(area(points, triangles) - whole) <= 1e-3 * whole, f"object {key}: another surface in models_eval")
 
 
 def check_image(scene, im_id, camera, truths, infos, models, arguments, errors):
@@ -306,7 +319,9 @@ def main():
     split = arguments.split or (splits[0] if splits else None)
     if split not in splits:
         sys.exit(f"{root}: no split {split or ''} with scenes; found: {', '.join(splits) or 'none'}")
-    models = check_models(root, arguments.model_tolerance_mm)
+    models = check_models(root / "models", arguments.model_tolerance_mm)
+    if (root / "models_eval").is_dir():
+        check_evaluation_models(root, models, arguments.model_tolerance_mm)
     sensor = load_json(root / "camera.json")
     missing = {"fx", "fy", "cx", "cy", "width", "height"} - set(sensor or {})
     check(not missing, f"{root}/camera.json: lacks {missing}")

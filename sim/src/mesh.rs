@@ -248,6 +248,49 @@ impl Mesh {
         mesh
     }
 
+    /// The same surface without looks, one vertex a place, its edges halved until none is longer than `longest`, metres:
+    /// vertices that cover it about evenly, whatever the triangles were. Normals are smooth.
+    pub fn refined(&self, longest: f64) -> Self {
+        let welded = self.welded();
+        let mut positions = self.positions.clone();
+        let mut triangles: Vec<[u32; 3]> =
+            self.triangles.iter().map(|t| t.map(|i| welded[i as usize])).collect();
+        loop {
+            // Both triangles of an edge see the same halves, so that the surface stays closed.
+            let mut middles: HashMap<[u32; 2], u32> = HashMap::new();
+            let mut middle = |a: u32, b: u32| {
+                let (p, q) = (positions[a as usize], positions[b as usize]);
+                (f64::from(nalgebra::distance(&p, &q)) > longest).then(|| {
+                    *middles.entry([a.min(b), a.max(b)]).or_insert_with(|| {
+                        positions.push(nalgebra::center(&p, &q));
+                        positions.len() as u32 - 1
+                    })
+                })
+            };
+            let mut finer = Vec::with_capacity(triangles.len());
+            for &[a, b, c] in &triangles {
+                match [middle(a, b), middle(b, c), middle(c, a)] {
+                    [None, None, None] => finer.push([a, b, c]),
+                    [Some(ab), None, None] => finer.extend([[a, ab, c], [ab, b, c]]),
+                    [None, Some(bc), None] => finer.extend([[b, bc, a], [bc, c, a]]),
+                    [None, None, Some(ca)] => finer.extend([[c, ca, b], [ca, a, b]]),
+                    [Some(ab), Some(bc), None] => finer.extend([[a, ab, c], [ab, bc, c], [ab, b, bc]]),
+                    [None, Some(bc), Some(ca)] => finer.extend([[b, bc, a], [bc, ca, a], [bc, c, ca]]),
+                    [Some(ab), None, Some(ca)] => finer.extend([[c, ca, b], [ca, ab, b], [ca, a, ab]]),
+                    [Some(ab), Some(bc), Some(ca)] => {
+                        finer.extend([[a, ab, ca], [ab, b, bc], [ca, bc, c], [ab, bc, ca]]);
+                    }
+                }
+            }
+            let done = finer.len() == triangles.len();
+            triangles = finer;
+            if done {
+                break;
+            }
+        }
+        Self { positions, triangles, ..Self::default() }.compute_normals(std::f64::consts::PI)
+    }
+
     /// `count` points spread uniformly over the surface by area, metres; stratified, so that they cover it evenly. None if
     /// the surface has no area.
     pub fn sample_surface(&self, count: usize, rng: &mut impl Rng) -> Vec<Point3<f64>> {
@@ -312,6 +355,23 @@ mod tests {
         let (low, high) = moved.centered().bounds().unwrap();
         assert!((low + high.coords).coords.norm() < 1e-6 && (high.z - 0.15).abs() < 1e-6);
         assert!(Mesh::default().bounds().is_none() && Mesh::default().diameter() == 0.0);
+    }
+
+    #[test]
+    fn a_refined_box_is_the_same_box_with_short_edges() {
+        let mesh = cuboid([0.1, 0.2, 0.3]);
+        let fine = mesh.refined(0.01);
+        assert!(fine.is_closed() && fine.validate().is_ok());
+        assert!((fine.volume() - 0.006).abs() < 1e-8 && (fine.diameter() - 0.14f64.sqrt()).abs() < 1e-7);
+        let longest = (0..fine.triangles.len())
+            .flat_map(|t| {
+                let [a, b, c] = fine.corners(t);
+                [(a - b).norm(), (b - c).norm(), (c - a).norm()]
+            })
+            .fold(0.0, f64::max);
+        assert!(longest <= 0.01, "{longest}");
+        // V - E + F = 2: one vertex a place, no cracks.
+        assert_eq!(fine.positions.len(), 2 + fine.triangles.len() / 2);
     }
 
     #[test]

@@ -67,6 +67,9 @@ pub fn make(
     if !out.join("models").exists() {
         bop::export_models(&out.join("models"), setup.models.iter().map(|model| &**model))?;
     }
+    if !out.join("models_eval").exists() {
+        bop::export_evaluation_models(&out.join("models_eval"), setup.models.iter().map(|model| &**model))?;
+    }
     bop::write_camera(out, &plan.camera_file())?;
 
     let next = AtomicU32::new(0);

@@ -50,7 +50,7 @@ pub use format::{
     CameraFile, GtInfo, ModelInfo, Symmetries, SymmetryAxis, Target, write_camera, write_targets,
 };
 pub use gt_info::gt_info;
-pub use models::export_models;
+pub use models::{export_evaluation_models, export_models};
 pub use read::{BopFrame, Dataset, GroundTruth};
 pub use staging::write_atomic;
 pub use write::{EncodedFrame, FrameFiles, ObjectInFrame, SceneWriter, encode_frame};

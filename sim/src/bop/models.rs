@@ -23,9 +23,7 @@ use crate::{Error, Result};
 /// # Errors
 /// If `folder` exists, two models have one id, or a file cannot be written.
 pub fn export_models<'a>(folder: &Path, models: impl IntoIterator<Item = &'a ObjectModel>) -> Result<()> {
-    let staging = Staging::begin(folder)?;
-    let mut infos: BTreeMap<u32, ModelFile> = BTreeMap::new();
-    for model in models {
+    export(folder, models, |staging, model| {
         let id = model.info.bop_id;
         let (mesh, texture) = texture::plain(&model.visual);
         let picture = format!("obj_{id:06}.png");
@@ -33,9 +31,43 @@ pub fn export_models<'a>(folder: &Path, models: impl IntoIterator<Item = &'a Obj
             staging.write(&picture, &pictures::encode_rgb(Path::new(&picture), texture)?)?;
         }
         let ply = encode_ply(&mesh, texture.as_ref().map(|_| picture.as_str()));
-        staging.write(&format!("obj_{id:06}.ply"), &ply)?;
-        if infos.insert(id, ModelFile::from(&model_info(model))).is_some() {
-            let message = format!("bop_id = {id} of {}: is used by another model too", model.info.name);
+        staging.write(&format!("obj_{id:06}.ply"), &ply)
+    })
+}
+
+/// Longest edge of a model for evaluation, metres.
+const EVALUATION_EDGE: f64 = 0.006;
+
+/// Writes the models as the benchmark's tools measure with them: the same surfaces and numbers without looks, their vertices
+/// spread about evenly, so that the mean over vertices in ADD and ADD-S is one over the surface.
+///
+/// # Errors
+/// As [`export_models`].
+pub fn export_evaluation_models<'a>(
+    folder: &Path,
+    models: impl IntoIterator<Item = &'a ObjectModel>,
+) -> Result<()> {
+    export(folder, models, |staging, model| {
+        let mesh = model.visual.mesh.refined(EVALUATION_EDGE);
+        staging.write(&format!("obj_{:06}.ply", model.info.bop_id), &encode_ply(&mesh, None))
+    })
+}
+
+/// A folder with `models_info.json` and what `write` makes of each model.
+fn export<'a>(
+    folder: &Path,
+    models: impl IntoIterator<Item = &'a ObjectModel>,
+    write: impl Fn(&Staging, &ObjectModel) -> Result<()>,
+) -> Result<()> {
+    let staging = Staging::begin(folder)?;
+    let mut infos: BTreeMap<u32, ModelFile> = BTreeMap::new();
+    for model in models {
+        write(&staging, model)?;
+        if infos.insert(model.info.bop_id, ModelFile::from(&model_info(model))).is_some() {
+            let message = format!(
+                "bop_id = {} of {}: is used by another model too",
+                model.info.bop_id, model.info.name
+            );
             return Err(Error::invalid(folder, message));
         }
     }

@@ -125,6 +125,10 @@ fn a_rendered_set_passes_the_independent_checker() {
     let workspace = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
     let python = Command::new("python3").args(["-c", "import numpy, PIL"]).output();
     if !python.is_ok_and(|output| output.status.success()) {
+        assert!(
+            std::env::var_os("GRIP_REQUIRE_PYTHON").is_none(),
+            "GRIP_REQUIRE_PYTHON is set but there is no python3 with numpy and Pillow"
+        );
         println!("SKIPPED: no python3 with numpy and Pillow for tests/check_bop.py");
         return;
     }
@@ -134,6 +138,7 @@ fn a_rendered_set_passes_the_independent_checker() {
     let models: Vec<Arc<ObjectModel>> = OBJECTS.iter().map(|(name, _)| library.load(name).unwrap()).collect();
     let ids: Vec<u32> = models.iter().map(|model| model.info.bop_id).collect();
     export_models(&root.join("models"), models.iter().map(Arc::as_ref)).unwrap();
+    export_evaluation_models(&root.join("models_eval"), models.iter().map(Arc::as_ref)).unwrap();
     for scene_id in [2, 5] {
         let writer = SceneWriter::begin(&root.join("test"), scene_id).unwrap().with_coco("rendered", &ids);
         (0..2).for_each(|im_id| write_frame(&writer, &models, im_id + scene_id - 2));

@@ -137,7 +137,8 @@ impl ColorSensor {
                     // Poisson, by its normal limit: exact enough from ten electrons on, and read noise hides the rest.
                     let normal: f32 = StandardNormal.sample(&mut rng);
                     let noisy = electrons + normal * (electrons + read_variance).sqrt();
-                    let code = (noisy * scale * levels).round().min(levels);
+                    // Rounded; below zero all is black.
+                    let code = ((noisy * scale * levels).max(0.0) + 0.5).min(levels) as u32 as f32;
                     pixel[c] = encode_8bit(code / levels * white[c]);
                 }
             }

@@ -149,7 +149,8 @@ fn normal(rng: &mut ChaCha8Rng) -> f32 {
 /// The pixel that (u, v) sees after a normal shift of `sigma` pixels each way, kept inside the image.
 fn shifted(image: &DepthImage, u: usize, v: usize, sigma: f32, rng: &mut ChaCha8Rng) -> (usize, usize) {
     let mut move_by = |at: usize, size: usize| {
-        (at as f32 + sigma * normal(rng)).round().clamp(0.0, (size - 1) as f32) as usize
+        // Rounded; the conversion stops at 0.
+        ((at as f32 + sigma * normal(rng) + 0.5) as usize).min(size - 1)
     };
     (move_by(u, image.width()), move_by(v, image.height()))
 }

@@ -10,6 +10,10 @@ use super::solids::{MeshBuilder, UvMap, UvRect, circle, cylinder, hull, pole, ro
 
 /// Points round a can.
 const SEGMENTS: usize = 64;
+/// Roughness of the label: coated paper.
+const PAPER: f64 = 0.45;
+/// Roughness and metallic of ends and rims: brushed tinplate.
+const BARE: [f64; 2] = [0.4, 1.0];
 /// Points on each corner of the meat can.
 const PER_CORNER: usize = 9;
 
@@ -175,9 +179,12 @@ impl Design {
             rings.iter().rev().map(flip).collect()
         };
         let mut mesh = MeshBuilder::new();
+        mesh.finish_with(BARE[0], BARE[1]);
         mesh.rings(&lid, above);
         mesh.rings(&upper_rim, metal);
+        mesh.finish_with(PAPER, 0.0);
         mesh.rings(&side, around);
+        mesh.finish_with(BARE[0], BARE[1]);
         mesh.rings(&mirrored(&upper_rim), metal);
         mesh.rings(&mirrored(&lid), below);
 
@@ -192,7 +199,7 @@ impl Design {
                 hull(outline(top).chain(outline(-top)).collect())
             }
         };
-        BuiltIn::new(mesh.finish(), atlas.finish(), 0.45, vec![solid])
+        BuiltIn::new(mesh.finish(), atlas.finish(), PAPER as f32, vec![solid])
     }
 
     /// The picture of an end: metal, pressed rings, a stamp.

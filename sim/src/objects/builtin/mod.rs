@@ -33,8 +33,8 @@ pub struct BuiltIn {
 }
 
 impl BuiltIn {
-    /// A model of a mesh, the texture on it, its roughness (0 to 1) and the pieces of its solid. Nothing here is metal to
-    /// the renderer: bare ends are painted, since a model has one material.
+    /// A model of a mesh, the texture on it, its roughness (0 to 1, where the mesh has no finish of its own) and the pieces
+    /// of its solid.
     fn new(
         mesh: Mesh,
         texture: Arc<image::RgbImage>,

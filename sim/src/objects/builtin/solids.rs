@@ -33,6 +33,8 @@ pub(super) struct MeshBuilder {
     positions: Vec<Point3<f64>>,
     normals: Vec<Vector3<f64>>,
     uvs: Vec<[f64; 2]>,
+    /// First vertex with a finish (roughness, metallic), in order; before the first such vertex the material's own.
+    finishes: Vec<(usize, [f64; 2])>,
     triangles: Vec<[u32; 3]>,
 }
 
@@ -89,6 +91,11 @@ impl MeshBuilder {
         self.normals.push(normal.try_normalize(1e-12).unwrap_or_else(Vector3::z));
         self.uvs.push(uv);
         (self.positions.len() - 1) as u32
+    }
+
+    /// From here on vertices have this roughness and metallic, each 0 to 1, in place of the material's.
+    pub(super) fn finish_with(&mut self, roughness: f64, metallic: f64) {
+        self.finishes.push((self.positions.len(), [roughness, metallic]));
     }
 
     /// A triangle, counter-clockwise seen from outside. One without area (two corners in one place) is left out.
@@ -213,14 +220,19 @@ impl MeshBuilder {
         }
     }
 
-    /// The mesh, done.
+    /// The mesh, done. Where any vertex has a finish of its own, all need one: the first must come before any vertex.
     pub(super) fn finish(self) -> Mesh {
+        let mut finish = Vec::new();
+        for (i, (from, values)) in self.finishes.iter().enumerate() {
+            let to = self.finishes.get(i + 1).map_or(self.positions.len(), |next| next.0);
+            finish.extend(std::iter::repeat_n(values.map(|v| (v * 255.0).round() as u8), to - from));
+        }
         Mesh {
             positions: self.positions.iter().map(|p| p.cast()).collect(),
             normals: self.normals.iter().map(|n| n.cast()).collect(),
             uvs: self.uvs.iter().map(|uv| uv.map(|v| v as f32)).collect(),
             colors: Vec::new(),
-            finish: Vec::new(),
+            finish,
             triangles: self.triangles,
         }
     }

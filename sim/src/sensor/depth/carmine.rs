@@ -126,7 +126,8 @@ impl Carmine109 {
                     let added = (sigma(z) * sigma(z) - step(z) * step(z) / 12.0).max(0.0).sqrt();
                     let disparity =
                         FOCAL_BASELINE / z + white * added * FOCAL_BASELINE / (z * z) + bias.at(u, v);
-                    let read = FOCAL_BASELINE * STEPS_PER_PIXEL / (disparity * STEPS_PER_PIXEL).round();
+                    let read =
+                        FOCAL_BASELINE * STEPS_PER_PIXEL / (disparity * STEPS_PER_PIXEL + 0.5) as u32 as f32;
                     if (nearest..=farthest).contains(&read) {
                         *reading = read;
                     }
