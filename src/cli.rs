@@ -25,6 +25,10 @@ pub enum Command {
     Render(RenderArgs),
     /// Make a BOP data set of the scene: the paper's adversarial set, or training data.
     Scenes(ScenesArgs),
+    /// Estimate the poses of a data set in BOP's format.
+    Estimate(EstimateArgs),
+    /// Measure the errors of a results file against the truth of its data set.
+    Eval(EvalArgs),
     /// List the objects and the set that is in use.
     Objects(ObjectsArgs),
     /// Show the robot: what was loaded, joints, limits.
@@ -161,6 +165,53 @@ pub enum CameraPlace {
 pub enum Format {
     /// BOP, with COCO annotations.
     Bop,
+}
+
+/// `grip estimate`.
+#[derive(Debug, Args)]
+pub struct EstimateArgs {
+    /// Folder of the data set, in BOP's format.
+    pub dataset: PathBuf,
+    /// Split, such as test or train_pbr [default: test, else the first there is].
+    #[arg(long)]
+    pub split: Option<String>,
+    /// Where to look for objects: `gt` (boxes of the truth), `jittered` (those moved by 10 % of their sides, among four
+    /// false ones each), `clusters` (what stands on the support), `none`, or a .json file of detections in COCO's format.
+    #[arg(long, default_value = "clusters", value_name = "gt|jittered|clusters|none|FILE")]
+    pub boxes: String,
+    /// Seed of everything random.
+    #[arg(long, default_value_t = 1)]
+    pub seed: u64,
+    /// Where the results go: a CSV file as the BOP challenge has it; an older one is replaced.
+    #[arg(long, value_name = "FILE", default_value = "results.csv")]
+    pub out: PathBuf,
+    /// Go on with a run that was stopped.
+    #[arg(long)]
+    pub resume: bool,
+    /// Threads [default: all cores].
+    #[arg(long, value_parser = clap::value_parser!(u32).range(1..=1024))]
+    pub jobs: Option<u32>,
+    /// Print a summary as JSON.
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// `grip eval`.
+#[derive(Debug, Args)]
+pub struct EvalArgs {
+    /// Folder of the data set, in BOP's format.
+    pub dataset: PathBuf,
+    /// Pose estimates, a CSV file as the BOP challenge has it.
+    pub results: PathBuf,
+    /// Split, such as test or train_pbr [default: test, else the first there is].
+    #[arg(long)]
+    pub split: Option<String>,
+    /// Also write the errors of every instance to this CSV file.
+    #[arg(long, value_name = "FILE")]
+    pub errors: Option<PathBuf>,
+    /// Print the figures as JSON.
+    #[arg(long)]
+    pub json: bool,
 }
 
 /// `grip objects`.

@@ -3,6 +3,7 @@
 //! Exit codes: 0 done, 1 the trial did not pack everything, 2 could not run.
 
 mod assets;
+mod benchmark;
 mod cli;
 mod commands;
 mod dataset;

@@ -5,6 +5,44 @@
 
 use grip_sim::pose::{Camera, Object, Pose};
 use nalgebra::Point3;
+use rstar::RTree;
+
+/// The points of a model, ready for many comparisons of poses: ADD and ADD-S as [`add`] and [`adds`] have them, the nearest
+/// point found by a tree.
+#[derive(Debug)]
+pub struct Surface {
+    points: Vec<Point3<f64>>,
+    tree: RTree<[f64; 3]>,
+}
+
+impl Surface {
+    /// Of these points, metres, object frame.
+    pub fn new(points: Vec<Point3<f64>>) -> Self {
+        let tree = RTree::bulk_load(points.iter().map(|p| [p.x, p.y, p.z]).collect());
+        Self { points, tree }
+    }
+
+    /// ADD, metres.
+    pub fn add(&self, truth: &Pose<Camera, Object>, estimate: &Pose<Camera, Object>) -> f64 {
+        add(&self.points, truth, estimate)
+    }
+
+    /// ADD-S, metres.
+    pub fn adds(&self, truth: &Pose<Camera, Object>, estimate: &Pose<Camera, Object>) -> f64 {
+        // In the frame of the estimate, where the tree is.
+        let estimate_from_truth = estimate.inverse() * *truth;
+        let sum: f64 = self
+            .points
+            .iter()
+            .map(|p| {
+                let p = estimate_from_truth.transform_point(p);
+                let nearest = self.tree.nearest_neighbor(&[p.x, p.y, p.z]);
+                nearest.map_or(0.0, |q| nalgebra::distance(&p, &Point3::from(*q)))
+            })
+            .sum();
+        sum / self.points.len().max(1) as f64
+    }
+}
 
 /// ADD, metres: mean distance between corresponding model points under the two poses. 0 for no points.
 pub fn add(points: &[Point3<f64>], truth: &Pose<Camera, Object>, estimate: &Pose<Camera, Object>) -> f64 {
@@ -33,25 +71,18 @@ pub fn sample_points(points: &[Point3<f32>], count: usize) -> Vec<Point3<f64>> {
     (0..take).map(|i| points[i * points.len() / take].cast()).collect()
 }
 
-/// Area under the accuracy-threshold curve from 0 to `threshold`, normalised to 0 .. 1, as PoseCNN's YCB-Video toolbox
-/// computes it (PASCAL VOC's area): errors over the threshold, infinite and NaN ones (a miss) count as misses; each step of the curve is
-/// given the height at its right end, so the figure is up to `1/n` above the mean of `max(0, 1 - error/threshold)`, and
-/// one single error under the threshold gives 1. 0 for no errors or a threshold that is not positive.
+/// Area under the accuracy-threshold curve from 0 to `threshold`, normalised to 0 .. 1: the mean of
+/// `max(0, 1 - error / threshold)`. Errors over the threshold, infinite and NaN ones (a miss) give nothing. 0 for no errors
+/// or a threshold that is not positive.
+///
+/// PoseCNN's toolbox gives each step of the curve the height at its right end (PASCAL VOC's area), which is more by up to
+/// one over the number of errors: nothing for thousands, but 1 for a single error of any size under the threshold.
 pub fn auc(errors: &[f64], threshold: f64) -> f64 {
-    let mut kept: Vec<f64> = errors.iter().copied().filter(|e| *e <= threshold).collect();
-    kept.sort_by(f64::total_cmp);
-    let Some(&last) = kept.last() else { return 0.0 };
-    if !(threshold > 0.0 && threshold.is_finite()) {
+    if errors.is_empty() || !(threshold > 0.0 && threshold.is_finite()) {
         return 0.0;
     }
-    let accuracy = |i: usize| (i + 1) as f64 / errors.len() as f64;
-    let mut area = (threshold - last) * accuracy(kept.len() - 1);
-    let mut before = 0.0;
-    for (i, &error) in kept.iter().enumerate() {
-        area += (error.max(0.0) - before) * accuracy(i);
-        before = error.max(0.0);
-    }
-    area / threshold
+    // `max` takes 0 over NaN.
+    errors.iter().map(|error| (1.0 - error / threshold).max(0.0)).sum::<f64>() / errors.len() as f64
 }
 
 #[cfg(test)]
@@ -83,6 +114,25 @@ mod tests {
     }
 
     #[test]
+    fn the_tree_finds_what_brute_force_finds() {
+        let points: Vec<Point3<f64>> = (0..500)
+            .map(|i| {
+                let x = f64::from(i);
+                Point3::new((1.3 * x).sin(), (2.1 * x).cos(), (0.7 * x).sin() * (0.2 * x).cos()) * 0.1
+            })
+            .collect();
+        let surface = Surface::new(points.clone());
+        for i in 0..50 {
+            let x = f64::from(i) * 0.37;
+            let a = Pose::from_xyz_rpy([0.1, 0.2, 0.9], [0.3 * x, 0.1, x]);
+            let b = Pose::from_xyz_rpy([0.1 + 0.02 * x.sin(), 0.2, 0.9], [0.1 * x, x, 0.2]);
+            assert!((surface.adds(&a, &b) - adds(&points, &a, &b)).abs() < 1e-12);
+            assert_eq!(surface.add(&a, &b), add(&points, &a, &b));
+        }
+        assert_eq!(Surface::new(vec![]).adds(&Pose::identity(), &Pose::identity()), 0.0);
+    }
+
+    #[test]
     fn nearest_never_exceeds_corresponding() {
         for i in 0..50 {
             let x = f64::from(i) * 0.37;
@@ -96,9 +146,9 @@ mod tests {
         assert_eq!(auc(&[], 0.04), 0.0);
         assert_eq!(auc(&[0.05, f64::NAN, f64::INFINITY], 0.04), 0.0);
         assert_eq!(auc(&[0.0, 0.0], 0.04), 1.0);
-        // Two of four found at 1 cm and 3 cm: (1*1/4 + 2*2/4 + 1*2/4) / 4.
+        // Two of four found, at 1 cm and 3 cm: (3/4 + 1/4) / 4.
         let area = auc(&[0.03, 0.01, f64::INFINITY, f64::NAN], 0.04);
-        assert!((area - 0.4375).abs() < 1e-12, "{area}");
+        assert!((area - 0.25).abs() < 1e-12, "{area}");
         // Many evenly spread errors: a half.
         let spread: Vec<f64> = (0..10_000).map(|i| f64::from(i) * 0.04e-4).collect();
         assert!((auc(&spread, 0.04) - 0.5).abs() < 1e-3);

@@ -248,13 +248,17 @@ impl Mesh {
         mesh
     }
 
-    /// The same surface without looks, one vertex a place, its edges halved until none is longer than `longest`, metres:
-    /// vertices that cover it about evenly, whatever the triangles were. Normals are smooth.
+    /// The same surface without looks, one vertex a place, that covers it about evenly, whatever the triangles were: first
+    /// with as few triangles as keep it within a thirtieth of `longest` (metres), then with edges halved until none is
+    /// longer than that. Normals are smooth.
     pub fn refined(&self, longest: f64) -> Self {
         let welded = self.welded();
         let mut positions = self.positions.clone();
-        let mut triangles: Vec<[u32; 3]> =
-            self.triangles.iter().map(|t| t.map(|i| welded[i as usize])).collect();
+        let all: Vec<u32> = self.triangles.as_flattened().iter().map(|&i| welded[i as usize]).collect();
+        let places: Vec<[f32; 3]> = positions.iter().map(|p| p.coords.into()).collect();
+        let options = meshopt::SimplifyOptions::ErrorAbsolute;
+        let few = meshopt::simplify_decoder(&all, &places, 0, longest as f32 / 30.0, options, None);
+        let mut triangles = few.as_chunks::<3>().0.to_vec();
         loop {
             // Both triangles of an edge see the same halves, so that the surface stays closed.
             let mut middles: HashMap<[u32; 2], u32> = HashMap::new();

@@ -1,5 +1,7 @@
 //! The verbs, a file each.
 
+mod estimate;
+mod eval;
 mod objects;
 mod pack;
 mod render;
@@ -35,6 +37,8 @@ pub fn run(cli: Cli) -> anyhow::Result<Done> {
         Command::Pack(args) => pack::run(&args),
         Command::Render(args) => render::run(&args),
         Command::Scenes(args) => scenes::run(&args),
+        Command::Estimate(args) => estimate::run(&args),
+        Command::Eval(args) => eval::run(&args),
         Command::Objects(args) => objects::run(&args),
         Command::Robot(args) => robot::run(&args),
     }

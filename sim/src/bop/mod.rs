@@ -6,6 +6,7 @@
 //! SET/test_targets_bop19.json        what an evaluation asks for: scene, image, object, number of instances
 //! SET/models/obj_NNNNNN.ply          models, with obj_NNNNNN.png where they are textured
 //! SET/models/models_info.json        diameter, bounding box and symmetries of each
+//! SET/models_eval/                   the same surfaces without looks, for measuring errors
 //! SET/coco.json                      all scenes as one COCO set (ours; BOP has one a scene)
 //! SET/SPLIT/SSSSSS/scene_camera.json intrinsics, unit of depth and pose of the camera, for each image
 //! SET/SPLIT/SSSSSS/scene_gt.json     object and pose of each instance, for each image
@@ -30,6 +31,7 @@
 //! | [`write`](mod@write) | scenes |
 //! | [`models`] | object models and `models_info.json` |
 //! | [`coco`] | instance masks in COCO's format |
+//! | [`results`] | pose estimates as the challenge's CSV files |
 
 pub mod coco;
 pub mod format;
@@ -39,6 +41,7 @@ mod pictures;
 pub mod read;
 #[cfg(test)]
 mod rendered_tests;
+pub mod results;
 mod staging;
 #[cfg(test)]
 mod tests;

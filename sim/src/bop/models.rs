@@ -36,7 +36,7 @@ pub fn export_models<'a>(folder: &Path, models: impl IntoIterator<Item = &'a Obj
 }
 
 /// Longest edge of a model for evaluation, metres.
-const EVALUATION_EDGE: f64 = 0.006;
+const EVALUATION_EDGE: f64 = 0.009;
 
 /// Writes the models as the benchmark's tools measure with them: the same surfaces and numbers without looks, their vertices
 /// spread about evenly, so that the mean over vertices in ADD and ADD-S is one over the surface.

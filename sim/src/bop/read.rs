@@ -170,6 +170,15 @@ impl Dataset {
         mesh_io::load_ply(&self.models_folder()?.join(format!("obj_{obj_id:06}.ply")), MILLIMETRE)
     }
 
+    /// The model that errors are measured with, metres: of `models_eval` where the data set has it.
+    ///
+    /// # Errors
+    /// If its file is missing or wrong.
+    pub fn load_evaluation_model(&self, obj_id: u32) -> Result<Visual> {
+        let path = self.root.join(format!("models_eval/obj_{obj_id:06}.ply"));
+        if path.is_file() { mesh_io::load_ply(&path, MILLIMETRE) } else { self.load_model(obj_id) }
+    }
+
     /// One image with its truth.
     ///
     /// # Errors

@@ -1,0 +1,198 @@
+//! Where an estimator is told to look.
+
+use std::collections::HashMap;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use anyhow::{Context, Result};
+use grip_perception::{Clusters, Detection, Detections, Detector, WholeImage};
+use grip_sim::bop::{BopFrame, GroundTruth};
+use grip_sim::camera::Intrinsics;
+use grip_sim::frame::CameraFrame;
+use grip_sim::objects::ObjectModel;
+use grip_sim::rng;
+use rand::{Rng, RngExt};
+use rand_distr::{Distribution, StandardNormal};
+use serde::Deserialize;
+
+/// Standard deviation by which each side of a jittered box moves, as a share of the box's width or height.
+const JITTER: f64 = 0.1;
+/// False boxes beside each jittered one.
+const FALSE_BOXES: usize = 4;
+
+/// Who proposes boxes.
+pub enum Boxes {
+    /// The truth's.
+    Truth,
+    /// The truth's with their sides moved, among false ones that are believed as much: what a mediocre detector says.
+    Jittered,
+    /// Whatever stands on the support plane.
+    Clusters(Clusters),
+    /// The whole image.
+    None,
+    /// Those of a file, by scene and image.
+    File(HashMap<(u32, u32), Vec<FileBox>>),
+}
+
+/// One entry of a detection file in COCO's result format, as BOP's default detections are.
+#[derive(Debug, Clone, Deserialize)]
+pub struct FileBox {
+    scene_id: u32,
+    image_id: u32,
+    category_id: u32,
+    /// Left, top, width, height, pixels.
+    bbox: [f64; 4],
+    score: f64,
+}
+
+impl Boxes {
+    /// `gt`, `jittered`, `clusters`, `none`, or the path of a file.
+    ///
+    /// # Errors
+    /// When it is none of these, or the file cannot be read.
+    pub fn open(name: &str, clusters: Clusters) -> Result<Self> {
+        Ok(match name {
+            "gt" => Self::Truth,
+            "jittered" => Self::Jittered,
+            "clusters" => Self::Clusters(clusters),
+            "none" => Self::None,
+            file => {
+                let path = PathBuf::from(file);
+                anyhow::ensure!(
+                    path.extension().is_some(),
+                    "--boxes {file}: must be gt, jittered, clusters, none, or a .json file of detections"
+                );
+                Self::File(read(&path)?)
+            }
+        })
+    }
+
+    /// The boxes of one image for `objects`, which are the models of `ids`.
+    ///
+    /// # Errors
+    /// When the frame is not usable, or a box of the file is none.
+    pub fn of(
+        &self,
+        bop: &BopFrame,
+        frame: &CameraFrame,
+        objects: &[Arc<ObjectModel>],
+        seed: u64,
+    ) -> Result<Detections> {
+        let mut detections = Detections::new();
+        let mut add = |object: &ObjectModel, bbox: [f64; 4], confidence: f64| {
+            detections.push(&object.info.name, Detection { bbox, confidence })
+        };
+        match self {
+            Self::Clusters(clusters) => return Ok(clusters.detect(frame, objects)?),
+            Self::None => return Ok(WholeImage.detect(frame, objects)?),
+            Self::Truth | Self::Jittered => {
+                let mut random = rng::stream(seed, "boxes");
+                let size = [frame.intrinsics.width as f64, frame.intrinsics.height as f64];
+                for truth in &bop.ground_truths {
+                    let Some(object) = objects.iter().find(|o| o.info.bop_id == truth.obj_id) else {
+                        continue;
+                    };
+                    let Some(bbox) = true_box(truth, object, &frame.intrinsics) else { continue };
+                    if matches!(self, Self::Truth) {
+                        add(object, bbox, 1.0)?;
+                        continue;
+                    }
+                    add(object, jittered(&bbox, &size, &mut random), 1.0)?;
+                    for _ in 0..FALSE_BOXES {
+                        add(object, elsewhere(&bbox, &size, &mut random), 1.0)?;
+                    }
+                }
+            }
+            Self::File(boxes) => {
+                for entry in boxes.get(&(bop.scene_id, bop.im_id)).into_iter().flatten() {
+                    let Some(object) = objects.iter().find(|o| o.info.bop_id == entry.category_id) else {
+                        continue;
+                    };
+                    let [x, y, w, h] = entry.bbox;
+                    add(object, [x, y, x + w, y + h], entry.score)?;
+                }
+            }
+        }
+        Ok(detections)
+    }
+}
+
+fn read(path: &Path) -> Result<HashMap<(u32, u32), Vec<FileBox>>> {
+    let text = std::fs::read_to_string(path).with_context(|| {
+        format!("{}: cannot read the detections; give a COCO-style .json", path.display())
+    })?;
+    let list: Vec<FileBox> = serde_json::from_str(&text).with_context(|| {
+        format!(
+            "{}: must be a list of {{scene_id, image_id, category_id, bbox: [left, top, width, height], score}}",
+            path.display()
+        )
+    })?;
+    let mut by_image: HashMap<_, Vec<FileBox>> = HashMap::new();
+    for entry in list {
+        by_image.entry((entry.scene_id, entry.image_id)).or_default().push(entry);
+    }
+    Ok(by_image)
+}
+
+/// The box of what is seen of an instance, else of its whole projection; `None` where it is out of sight.
+fn true_box(truth: &GroundTruth, object: &ObjectModel, k: &Intrinsics) -> Option<[f64; 4]> {
+    if let Some(info) = &truth.info {
+        let [x, y, w, h] = info.bbox_visib.map(f64::from);
+        return (w > 0.0 && h > 0.0).then_some([x, y, x + w - 1.0, y + h - 1.0]);
+    }
+    let mut bounds = [f64::INFINITY, f64::INFINITY, f64::NEG_INFINITY, f64::NEG_INFINITY];
+    for point in &object.visual.mesh.positions {
+        let p = k.project(&truth.camera_from_object.transform_point(&point.cast()))?;
+        bounds = [bounds[0].min(p.x), bounds[1].min(p.y), bounds[2].max(p.x), bounds[3].max(p.y)];
+    }
+    let (right, bottom) = (k.width as f64 - 1.0, k.height as f64 - 1.0);
+    let [u0, v0, u1, v1] =
+        [bounds[0].max(0.0), bounds[1].max(0.0), bounds[2].min(right), bounds[3].min(bottom)];
+    (u0 < u1 && v0 < v1).then_some([u0, v0, u1, v1])
+}
+
+/// The box with each side moved by a normal step.
+fn jittered([u0, v0, u1, v1]: &[f64; 4], [width, height]: &[f64; 2], random: &mut impl Rng) -> [f64; 4] {
+    let mut moved = |at: f64, side: f64, most: f64| {
+        let normal: f64 = StandardNormal.sample(random);
+        (at + JITTER * side * normal).clamp(0.0, most - 1.0)
+    };
+    let (w, h) = (u1 - u0, v1 - v0);
+    let (a, b) = (moved(*u0, w, *width), moved(*u1, w, *width));
+    let (c, d) = (moved(*v0, h, *height), moved(*v1, h, *height));
+    [a.min(b), c.min(d), a.max(b), c.max(d)]
+}
+
+/// A box of about the same size anywhere in the image.
+fn elsewhere([u0, v0, u1, v1]: &[f64; 4], [width, height]: &[f64; 2], random: &mut impl Rng) -> [f64; 4] {
+    let mut place = |side: f64, most: f64| {
+        let side = (side * random.random_range(0.7..1.4)).min(most - 1.0);
+        let start = random.random_range(0.0..=most - 1.0 - side);
+        (start, start + side)
+    };
+    let ((a, b), (c, d)) = (place(u1 - u0, *width), place(v1 - v0, *height));
+    [a, c, b, d]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn jitter_has_its_spread_and_stays_in_the_picture() {
+        let mut random = rng::stream(1, "t");
+        let size = [640.0, 480.0];
+        let n = 4000;
+        let mut squares = 0.0;
+        for _ in 0..n {
+            let b = jittered(&[200.0, 100.0, 300.0, 180.0], &size, &mut random);
+            squares += (b[0] - 200.0_f64).powi(2);
+            let edge = jittered(&[0.0, 0.0, 639.0, 479.0], &size, &mut random);
+            assert!(edge[0] >= 0.0 && edge[1] >= 0.0 && edge[2] <= 639.0 && edge[3] <= 479.0);
+            let false_box = elsewhere(&[200.0, 100.0, 300.0, 180.0], &size, &mut random);
+            assert!(false_box[0] >= 0.0 && false_box[2] <= 639.0 && false_box[0] < false_box[2]);
+        }
+        let sigma = (squares / f64::from(n)).sqrt();
+        assert!((sigma - 10.0).abs() < 0.5, "{sigma}");
+    }
+}

@@ -1,0 +1,226 @@
+//! Estimating the poses of a data set, image by image, so that a run that was stopped goes on where it was.
+
+use std::collections::{BTreeMap, HashMap, HashSet};
+use std::fs::{File, OpenOptions};
+use std::io::Write;
+use std::path::{Path, PathBuf};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::Instant;
+
+use anyhow::{Context, Result};
+use grip_perception::PoseEstimator;
+use grip_sim::bop::results::{Estimate, HEADER, read_results};
+use grip_sim::bop::{self, Dataset, Target};
+use grip_sim::frame::CameraFrame;
+use grip_sim::objects::ObjectModel;
+use grip_sim::pose::Pose;
+use grip_sim::rng;
+use indicatif::ProgressBar;
+use rand::RngExt;
+use rayon::prelude::*;
+
+use super::boxes::Boxes;
+use super::objects;
+
+/// What is to be estimated, by whom.
+pub struct Run<'a> {
+    /// The images.
+    pub dataset: &'a Dataset,
+    /// Where to look.
+    pub boxes: &'a Boxes,
+    /// Who estimates.
+    pub estimator: &'a dyn PoseEstimator,
+    /// Seed of everything random.
+    pub seed: u64,
+    /// All that the estimates depend on, in a line: runs that differ in it are not mixed.
+    pub settings: String,
+}
+
+/// What a run did.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Estimated {
+    /// Images estimated now.
+    pub images: usize,
+    /// Images that an earlier run had done.
+    pub kept: usize,
+    /// Poses in the file.
+    pub poses: usize,
+    /// Seconds spent estimating, summed over the images estimated now.
+    pub seconds: f64,
+}
+
+/// The objects that are asked for in one image, with their numbers of instances.
+type Wanted = BTreeMap<u32, u32>;
+/// Lines of the results file, by scene and image.
+type Done = BTreeMap<(u32, u32), Vec<String>>;
+
+impl Run<'_> {
+    /// Estimates all images and writes `out`, sorted by scene, image and object. Images go first to a file beside it, which
+    /// `resume` takes up.
+    ///
+    /// # Errors
+    /// When an image or model cannot be read, or a file not written; what is done by then is kept for `resume`.
+    pub fn write(&self, out: &Path, resume: bool, progress: &ProgressBar) -> Result<Estimated> {
+        anyhow::ensure!(!out.is_dir(), "--out {}: is a folder; give a file", out.display());
+        let wanted = self.wanted()?;
+        let ids: HashSet<u32> = wanted.values().flat_map(|objects| objects.keys().copied()).collect();
+        let models: HashMap<u32, Arc<ObjectModel>> = ids
+            .into_par_iter()
+            .map(|id| Ok((id, objects::load(self.dataset, id)?)))
+            .collect::<Result<_>>()?;
+
+        let partial = partial_path(out)?;
+        let mut done = if resume { self.resumed(&partial, &wanted)? } else { Done::new() };
+        let missing: Vec<((u32, u32), &Wanted)> =
+            wanted.iter().filter(|(image, _)| !done.contains_key(*image)).map(|(i, w)| (*i, w)).collect();
+        progress.set_length(wanted.len() as u64);
+        progress.set_position((wanted.len() - missing.len()) as u64);
+        progress.reset_eta();
+        let mut summary = Estimated { images: missing.len(), kept: done.len(), ..Estimated::default() };
+
+        let file = Mutex::new(self.begin(&partial, &done)?);
+        let made: Vec<((u32, u32), Vec<String>, f64)> = missing
+            .into_par_iter()
+            .map(|(image, wanted)| {
+                let estimates = self
+                    .image(image, wanted, &models)
+                    .with_context(|| format!("scene {}, image {}", image.0, image.1))?;
+                let lines: Vec<String> = estimates.iter().map(Estimate::line).collect();
+                let mut file = file.lock().unwrap_or_else(PoisonError::into_inner);
+                file.write_all(lines.concat().as_bytes()).with_context(|| cannot_write(&partial))?;
+                progress.inc(1);
+                Ok((image, lines, estimates.first().and_then(|e| e.time_s).unwrap_or(0.0)))
+            })
+            .collect::<Result<_>>()?;
+        for (image, lines, seconds) in made {
+            summary.seconds += seconds;
+            done.insert(image, lines);
+        }
+        summary.poses = done.values().map(Vec::len).sum();
+        let text = format!("{HEADER}\n") + &done.values().flatten().cloned().collect::<String>();
+        bop::write_atomic(out, text.as_bytes())?;
+        // The results are there; what is left behind does no harm.
+        let _ = std::fs::remove_file(&partial);
+        Ok(summary)
+    }
+
+    /// What is asked for, by image: the data set's targets, else all that is in the truth.
+    fn wanted(&self) -> Result<BTreeMap<(u32, u32), Wanted>> {
+        let mut wanted: BTreeMap<(u32, u32), Wanted> = BTreeMap::new();
+        for Target { scene_id, im_id, obj_id, inst_count } in targets(self.dataset)? {
+            wanted.entry((scene_id, im_id)).or_default().insert(obj_id, inst_count);
+        }
+        Ok(wanted)
+    }
+
+    fn image(
+        &self,
+        (scene_id, im_id): (u32, u32),
+        wanted: &Wanted,
+        models: &HashMap<u32, Arc<ObjectModel>>,
+    ) -> Result<Vec<Estimate>> {
+        let bop = self.dataset.frame(scene_id, im_id)?;
+        let frame = CameraFrame {
+            rgb: bop.rgb.clone(),
+            depth: bop.depth.clone(),
+            intrinsics: bop.intrinsics,
+            world_from_camera: bop.world_from_camera.unwrap_or_else(Pose::identity),
+        };
+        let objects: Vec<Arc<ObjectModel>> = wanted
+            .iter()
+            .flat_map(|(id, count)| std::iter::repeat_n(models[id].clone(), *count as usize))
+            .collect();
+        let seed: u64 = rng::stream(self.seed, &format!("estimate/{scene_id}/{im_id}")).random();
+        let began = Instant::now();
+        let detections = self.boxes.of(&bop, &frame, &objects, seed)?;
+        let beliefs = self.estimator.estimate(&frame, &detections, &objects, seed)?;
+        let time_s = Some(began.elapsed().as_secs_f64());
+        Ok(objects
+            .iter()
+            .zip(beliefs)
+            .map(|(object, belief)| Estimate {
+                scene_id,
+                im_id,
+                obj_id: object.info.bop_id,
+                score: belief.confidence,
+                camera_from_object: belief.best,
+                time_s,
+            })
+            .collect())
+    }
+
+    /// The images that an interrupted run finished.
+    fn resumed(&self, partial: &Path, wanted: &BTreeMap<(u32, u32), Wanted>) -> Result<Done> {
+        let Ok(text) = std::fs::read_to_string(partial) else { return Ok(Done::new()) };
+        // The last line may have been cut off.
+        let whole = text.rfind('\n').map_or("", |end| &text[..=end]);
+        let settings = whole.lines().next().unwrap_or_default().trim_start_matches("# ");
+        anyhow::ensure!(
+            settings == self.settings,
+            "{}: was begun with other settings ({settings}, now {}); finish it with those, or leave out --resume to begin anew",
+            partial.display(),
+            self.settings
+        );
+        std::fs::write(partial, whole).with_context(|| cannot_write(partial))?;
+        let mut done = Done::new();
+        // Lines are kept as they are: through numbers and back they would change in their last digits.
+        for (estimate, line) in read_results(partial)?.iter().zip(whole.lines().skip(1)) {
+            done.entry((estimate.scene_id, estimate.im_id)).or_default().push(format!("{line}\n"));
+        }
+        // An image counts when all of its lines are there.
+        done.retain(|image, lines| {
+            wanted.get(image).is_some_and(|w| w.values().sum::<u32>() as usize == lines.len())
+        });
+        Ok(done)
+    }
+
+    /// The file of finished images, with those that are done.
+    fn begin(&self, partial: &Path, done: &Done) -> Result<File> {
+        let text = format!("# {}\n", self.settings) + &done.values().flatten().cloned().collect::<String>();
+        std::fs::write(partial, text).with_context(|| cannot_write(partial))?;
+        OpenOptions::new().append(true).open(partial).with_context(|| cannot_write(partial))
+    }
+}
+
+/// What an evaluation asks for: the data set's targets in its split, else all that is in the truth and seen.
+pub(super) fn targets(dataset: &Dataset) -> Result<Vec<Target>> {
+    let scenes: HashSet<u32> = dataset.scenes()?.into_iter().collect();
+    if let Some(targets) = dataset.targets()? {
+        let of_split: Vec<Target> = targets.into_iter().filter(|t| scenes.contains(&t.scene_id)).collect();
+        if !of_split.is_empty() {
+            return Ok(of_split);
+        }
+    }
+    let mut targets = Vec::new();
+    for scene_id in dataset.scenes()? {
+        for im_id in dataset.images(scene_id)? {
+            let mut counts: BTreeMap<u32, u32> = BTreeMap::new();
+            for truth in dataset.ground_truths(scene_id, im_id)? {
+                if truth.info.is_none_or(|info| info.visib_fract >= LEAST_VISIBLE) {
+                    *counts.entry(truth.obj_id).or_default() += 1;
+                }
+            }
+            targets.extend(counts.into_iter().map(|(obj_id, inst_count)| Target {
+                scene_id,
+                im_id,
+                obj_id,
+                inst_count,
+            }));
+        }
+    }
+    Ok(targets)
+}
+
+/// BOP asks for what is seen by at least this share.
+pub(super) const LEAST_VISIBLE: f64 = 0.1;
+
+fn partial_path(out: &Path) -> Result<PathBuf> {
+    let name = out.file_name().and_then(|name| name.to_str()).with_context(|| {
+        format!("--out {}: is not a file name; give a place such as results.csv", out.display())
+    })?;
+    Ok(out.with_file_name(format!("{name}.partial")))
+}
+
+fn cannot_write(path: &Path) -> String {
+    format!("{}: cannot be written; check that the folder exists, permissions and free space", path.display())
+}

@@ -1,0 +1,83 @@
+//! `grip estimate`: poses for every image of a data set.
+
+use std::time::Instant;
+
+use anyhow::{Context, Result};
+use grip_perception::{ClusterSettings, Clusters, GripEstimator, GripSettings, PlaneSettings};
+use grip_sim::bop::Dataset;
+use indicatif::{ProgressBar, ProgressStyle};
+use serde_json::{Value, json};
+
+use super::Done;
+use crate::benchmark::{Boxes, Estimated, Run};
+use crate::cli::EstimateArgs;
+use crate::output;
+
+/// Writes the results file.
+pub fn run(args: &EstimateArgs) -> Result<Done> {
+    let dataset = Dataset::open(&args.dataset, args.split.as_deref())?;
+    // Where up is in the world is known of our own sets alone: others leave the world's axes open.
+    let plane = if args.dataset.join("dataset.json").is_file() {
+        PlaneSettings::default()
+    } else {
+        PlaneSettings { max_tilt_rad: None, ..PlaneSettings::default() }
+    };
+    let clusters = Clusters::new(ClusterSettings { plane: plane.clone(), ..ClusterSettings::default() });
+    let boxes = Boxes::open(&args.boxes, clusters)?;
+    let settings = GripSettings { plane: Some(plane), ..GripSettings::default() };
+    let described = json!({
+        "dataset": args.dataset,
+        "split": dataset.split(),
+        "boxes": args.boxes,
+        "seed": args.seed,
+        "estimator": &settings,
+    });
+    let estimator = GripEstimator::new(settings)?;
+    let run = Run {
+        dataset: &dataset,
+        boxes: &boxes,
+        estimator: &estimator,
+        seed: args.seed,
+        settings: described.to_string(),
+    };
+    let progress = bar();
+    let began = Instant::now();
+    let threads = args.jobs.unwrap_or(0) as usize;
+    let pool =
+        rayon::ThreadPoolBuilder::new().num_threads(threads).build().context("cannot start threads")?;
+    let estimated = pool.install(|| run.write(&args.out, args.resume, &progress));
+    progress.finish_and_clear();
+    report(args, &described, &estimated?, began.elapsed().as_secs_f64())?;
+    Ok(Done::Fully)
+}
+
+fn report(args: &EstimateArgs, settings: &Value, estimated: &Estimated, wall_s: f64) -> Result<()> {
+    let out = &args.out;
+    let Estimated { images, kept, poses, seconds } = *estimated;
+    if args.json {
+        let summary = json!({
+            "schema": "grip.estimate/1",
+            "settings": settings,
+            "out": out,
+            "images": images,
+            "kept": kept,
+            "poses": poses,
+            "wall_s": (wall_s * 1e3).round() / 1e3,
+            "image_s": seconds / images.max(1) as f64,
+        });
+        return output::data(format_args!("{}", serde_json::to_string_pretty(&summary)?));
+    }
+    output::data(format_args!(
+        "{}: {poses} poses in {images} images ({kept} more kept from before), {wall_s:.1} s, {:.0} ms an image\n\
+         next: grip eval {} {}",
+        out.display(),
+        1e3 * seconds / images.max(1) as f64,
+        args.dataset.display(),
+        out.display(),
+    ))
+}
+
+fn bar() -> ProgressBar {
+    let style = ProgressStyle::with_template("{bar:32} {pos}/{len} images, {per_sec}, {eta} left");
+    ProgressBar::new(0).with_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()))
+}

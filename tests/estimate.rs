@@ -1,0 +1,148 @@
+//! `grip estimate` and `grip eval`: the same poses on any number of threads and after any stop, errors that another
+//! implementation finds too, and what is wrong with a file said by name.
+
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::print_stdout, reason = "tests")]
+
+mod common;
+
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use common::{code, grip, root, stderr, stdout};
+
+/// A data set of one scene: a spread layout and a heap.
+fn data_set(folder: &Path) -> PathBuf {
+    let out = folder.join("set");
+    let scene = root().join("scenes/adversarial.toml");
+    let args =
+        ["scenes", scene.to_str().unwrap(), "--scenes", "1", "--views", "B,O1", "--seed", "11", "--out"];
+    let output = grip(&[&args[..], &[out.to_str().unwrap()]].concat());
+    assert_eq!(code(&output), 0, "{}", stderr(&output));
+    out
+}
+
+/// Lines of a results file without the time, which is measured.
+fn poses(path: &Path) -> Vec<String> {
+    let text = std::fs::read_to_string(path).unwrap();
+    text.lines().map(|line| line.rsplit_once(',').unwrap().0.to_owned()).collect()
+}
+
+fn eval(set: &Path, results: &Path, more: &[&str]) -> serde_json::Value {
+    let output =
+        grip(&[&["eval", set.to_str().unwrap(), results.to_str().unwrap(), "--json"], more].concat());
+    assert_eq!(code(&output), 0, "{}", stderr(&output));
+    serde_json::from_str(&stdout(&output)).unwrap()
+}
+
+/// A results file that says the truth, moved by this much along the camera's x, millimetres.
+fn truth(set: &Path, shift_mm: f64) -> String {
+    let text = std::fs::read_to_string(set.join("test/000001/scene_gt.json")).unwrap();
+    let images: serde_json::Value = serde_json::from_str(&text).unwrap();
+    let mut lines = "scene_id,im_id,obj_id,score,R,t,time\n".to_owned();
+    for (image, truths) in images.as_object().unwrap() {
+        for truth in truths.as_array().unwrap() {
+            let numbers = |key: &str| -> Vec<f64> {
+                truth[key].as_array().unwrap().iter().map(|x| x.as_f64().unwrap()).collect()
+            };
+            let join = |n: &[f64]| n.iter().map(f64::to_string).collect::<Vec<_>>().join(" ");
+            let mut t = numbers("cam_t_m2c");
+            t[0] += shift_mm;
+            let r = join(&numbers("cam_R_m2c"));
+            lines += &format!("1,{image},{},0.5,{r},{},-1\n", truth["obj_id"], join(&t));
+        }
+    }
+    lines
+}
+
+#[test]
+fn poses_are_the_same_on_any_number_of_threads_and_after_a_stop_and_their_errors_are_right() {
+    let folder = tempfile::tempdir().unwrap();
+    let set = data_set(folder.path());
+    let estimate = |out: &Path, more: &[&str]| {
+        let args = ["estimate", set.to_str().unwrap(), "--boxes", "gt", "--out", out.to_str().unwrap()];
+        grip(&[&args[..], more].concat())
+    };
+    let (one, two) = (folder.path().join("one.csv"), folder.path().join("two.csv"));
+    let output = estimate(&one, &["--jobs", "1", "--json"]);
+    assert_eq!(code(&output), 0, "{}", stderr(&output));
+    let summary: serde_json::Value = serde_json::from_str(&stdout(&output)).unwrap();
+    assert_eq!((&summary["schema"], &summary["images"]), (&"grip.estimate/1".into(), &2.into()));
+    // With boxes of the truth and the models themselves, geometry is found to millimetres.
+    let errors = folder.path().join("errors.csv");
+    let json = eval(&set, &one, &["--errors", errors.to_str().unwrap()]);
+    let area = json["all"]["auc_adds"][0].as_f64().unwrap();
+    println!("{}", json["all"]);
+    assert!(area > 0.8, "{area}");
+    assert_eq!(json["conditions"].as_object().unwrap().keys().collect::<Vec<_>>(), ["B", "O1"]);
+    check_errors(&set, &one, &errors);
+
+    // As a kill leaves it: the first image whole, the last line cut off.
+    let lines = std::fs::read_to_string(&one).unwrap();
+    let output = estimate(&two, &["--jobs", "2"]);
+    assert_eq!(code(&output), 0, "{}", stderr(&output));
+    assert_eq!(poses(&one), poses(&two));
+    let described = serde_json::json!({"another": "run"});
+    let partial = folder.path().join("two.csv.partial");
+    assert!(!partial.exists());
+    std::fs::write(&partial, format!("# {described}\n")).unwrap();
+    let output = estimate(&two, &["--resume"]);
+    assert_eq!(code(&output), 2);
+    assert!(stderr(&output).contains("other settings"), "{}", stderr(&output));
+
+    let half: Vec<&str> = lines.lines().skip(1).collect();
+    let first = half.iter().filter(|line| line.starts_with("1,0,")).copied().collect::<Vec<_>>().join("\n");
+    let settings = format!("# {}", summary["settings"]);
+    std::fs::write(&partial, format!("{settings}\n{first}\n1,1,5,0.3")).unwrap();
+    let output = estimate(&two, &["--resume", "--json"]);
+    assert_eq!(code(&output), 0, "{}", stderr(&output));
+    let resumed: serde_json::Value = serde_json::from_str(&stdout(&output)).unwrap();
+    assert_eq!((&resumed["images"], &resumed["kept"]), (&1.into(), &1.into()));
+    assert_eq!(poses(&one), poses(&two));
+
+    // The truth has no error, and a shift is its own ADD.
+    let given = folder.path().join("given.csv");
+    std::fs::write(&given, truth(&set, 0.0)).unwrap();
+    let exact = eval(&set, &given, &[]);
+    assert!((exact["all"]["auc_add"][0].as_f64().unwrap() - 1.0).abs() < 1e-6);
+    std::fs::write(&given, truth(&set, 10.0)).unwrap();
+    let json = eval(&set, &given, &["--errors", errors.to_str().unwrap()]);
+    assert!((json["all"]["auc_add"][0].as_f64().unwrap() - 0.75).abs() < 1e-6, "{}", json["all"]);
+    assert!((json["all"]["auc_add"][1].as_f64().unwrap() - 0.9).abs() < 1e-6);
+    assert!(json["all"]["auc_adds"][0].as_f64().unwrap() > 0.75);
+    check_errors(&set, &given, &errors);
+
+    for (content, expected) in [
+        ("1,0,5,0.5\n", "line 1: has 4 fields"),
+        ("7,0,5,0.5,1 0 0 0 1 0 0 0 1,0 0 900,-1\n", "another data set"),
+    ] {
+        std::fs::write(&given, content).unwrap();
+        let output = grip(&["eval", set.to_str().unwrap(), given.to_str().unwrap()]);
+        assert_eq!(code(&output), 2);
+        assert!(stderr(&output).contains(expected), "{}", stderr(&output));
+    }
+    let output = grip(&["estimate", set.to_str().unwrap(), "--boxes", "guess", "--out", "x.csv"]);
+    assert_eq!(code(&output), 2);
+    assert!(stderr(&output).contains("--boxes guess"), "{}", stderr(&output));
+}
+
+/// The errors by numpy, where that is installed.
+fn check_errors(set: &Path, results: &Path, errors: &Path) {
+    let ready = Command::new("python3").args(["-c", "import numpy"]).output();
+    if !ready.is_ok_and(|output| output.status.success()) {
+        assert!(
+            std::env::var_os("GRIP_REQUIRE_PYTHON").is_none(),
+            "GRIP_REQUIRE_PYTHON is set but there is no numpy"
+        );
+        println!("SKIPPED: no python3 with numpy");
+        return;
+    }
+    let checked = Command::new("python3")
+        .arg(root().join("tests/check_errors.py"))
+        .args([set, results, errors])
+        .output()
+        .unwrap();
+    let text =
+        String::from_utf8_lossy(&checked.stdout).into_owned() + &String::from_utf8_lossy(&checked.stderr);
+    println!("{text}");
+    assert!(checked.status.success(), "{text}");
+}
