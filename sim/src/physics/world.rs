@@ -102,11 +102,11 @@ impl World {
         })
     }
 
-    /// A world for laying things out, not for grasps: with half as many steps a second, a fraction of the work in each, and
+    /// A world for laying things out, not for grasps: with a third of the steps a second, a fraction of the work in each, and
     /// air as thick as oil, in which what rolls and tips comes to rest where it would come to rest anyway, but soon.
     #[must_use]
     pub fn for_layout(mut self) -> Self {
-        self.step_hz = STEP_HZ / 2;
+        self.step_hz = STEP_HZ / 3;
         let parameters = &mut self.physics.integration_parameters;
         parameters.dt = 1.0 / self.step_hz as f32;
         parameters.num_solver_iterations /= 2;
