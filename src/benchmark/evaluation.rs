@@ -1,5 +1,6 @@
 //! Errors of estimates against the truth of a data set.
 
+use std::collections::btree_map::Entry;
 use std::collections::{BTreeMap, HashMap};
 use std::path::Path;
 
@@ -113,7 +114,7 @@ pub fn evaluate(dataset: &Dataset, estimates: &[Estimate]) -> Result<Evaluation>
     let infos = dataset.models_info()?;
     let mut surfaces = BTreeMap::new();
     for target in &targets {
-        if !surfaces.contains_key(&target.obj_id) {
+        if let Entry::Vacant(entry) = surfaces.entry(target.obj_id) {
             let points: Vec<_> = dataset
                 .load_evaluation_model(target.obj_id)?
                 .mesh
@@ -121,7 +122,7 @@ pub fn evaluate(dataset: &Dataset, estimates: &[Estimate]) -> Result<Evaluation>
                 .iter()
                 .map(|p| p.cast())
                 .collect();
-            surfaces.insert(target.obj_id, Surface::new(points));
+            entry.insert(Surface::new(points));
         }
     }
     let cases: Vec<Case> = targets

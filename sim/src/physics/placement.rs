@@ -25,6 +25,8 @@ const BIN_GAP_M: f64 = 0.06;
 /// A heap that moves less than this in that time is at rest, metres and seconds.
 const DRIFT_M: f64 = 0.001;
 const DRIFT_S: f64 = 0.2;
+/// A heap must then stand still for this long, seconds.
+const HEAP_STANDS_S: f64 = 0.5;
 /// Longest simulated time to wait for rest, seconds.
 const SETTLE_S: f64 = 6.0;
 /// The same for a heap, whose objects have come down one after another.
@@ -93,7 +95,10 @@ pub fn drop_objects(
             // A heap may tremble: contacts of many pieces are never quite at peace.
             let (at_rest, limit) = match placement {
                 Placement::Spread => (world.settle(SETTLE_S).at_rest, SETTLE_S),
-                Placement::Stacked(_) => (calm(&mut world, HEAP_SETTLE_S), HEAP_SETTLE_S),
+                Placement::Stacked(_) => {
+                    world.thin_air();
+                    (calm(&mut world, HEAP_SETTLE_S) && world.drift(HEAP_STANDS_S) < DRIFT_M, HEAP_SETTLE_S)
+                }
             };
             if !at_rest {
                 let speeds = (0..world.object_count()).map(|i| (world.speed(i), i));

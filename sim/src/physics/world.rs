@@ -23,6 +23,11 @@ pub const STEP_HZ: u32 = 240;
 /// on wood come to rest within about a second, as real ones do; rapier itself knows no rolling resistance.
 const ROLLING_RESISTANCE: f64 = 0.02;
 
+/// Linear and angular damping of objects, 1/s: in the world that grasps happen in,
+const AIR: (f32, f32) = (0.0, 0.5);
+/// and while things are laid out.
+const OIL: (f32, f32) = (2.0, 8.0);
+
 /// How settling ended.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Settled {
@@ -117,6 +122,22 @@ impl World {
         self
     }
 
+    /// Lets the air out again, and wakes everything: what only the oil held goes on moving.
+    pub(super) fn thin_air(&mut self) {
+        if !self.for_layout {
+            return;
+        }
+        for object in &self.objects {
+            if let Some(body) = self.physics.bodies.get_mut(object.body) {
+                let (linear, angular) = AIR;
+                body.set_linear_damping(linear);
+                body.set_angular_damping(angular);
+                body.activation_mut().time_until_sleep = 10.0;
+                body.wake_up(true);
+            }
+        }
+    }
+
     /// Adds an object at rest and returns its index.
     ///
     /// # Errors
@@ -144,7 +165,7 @@ impl World {
         }
         let density = model.info.mass_kg as f32 / volume;
         let index = self.objects.len();
-        let (linear, angular) = if self.for_layout { (2.0, 8.0) } else { (0.0, 0.5) };
+        let (linear, angular) = if self.for_layout { OIL } else { AIR };
         let mut body = RigidBodyBuilder::dynamic()
             .pose(convert::pose(world_from_object.iso()))
             .linear_damping(linear)
