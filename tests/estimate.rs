@@ -6,7 +6,6 @@
 mod common;
 
 use std::path::{Path, PathBuf};
-use std::process::Command;
 
 use common::{code, grip, root, stderr, stdout};
 
@@ -74,7 +73,7 @@ fn poses_are_the_same_on_any_number_of_threads_and_after_a_stop_and_their_errors
     println!("{}", json["all"]);
     assert!(area > 0.8, "{area}");
     assert_eq!(json["conditions"].as_object().unwrap().keys().collect::<Vec<_>>(), ["B", "O1"]);
-    check_errors(&set, &one, &errors);
+    common::python("check_errors.py", "numpy", &[&set, &one, &errors]);
 
     // As a kill leaves it: the first image whole, the last line cut off.
     let lines = std::fs::read_to_string(&one).unwrap();
@@ -109,7 +108,7 @@ fn poses_are_the_same_on_any_number_of_threads_and_after_a_stop_and_their_errors
     assert!((json["all"]["auc_add"][0].as_f64().unwrap() - 0.75).abs() < 1e-6, "{}", json["all"]);
     assert!((json["all"]["auc_add"][1].as_f64().unwrap() - 0.9).abs() < 1e-6);
     assert!(json["all"]["auc_adds"][0].as_f64().unwrap() > 0.75);
-    check_errors(&set, &given, &errors);
+    common::python("check_errors.py", "numpy", &[&set, &given, &errors]);
 
     for (content, expected) in [
         ("1,0,5,0.5\n", "line 1: has 4 fields"),
@@ -123,26 +122,4 @@ fn poses_are_the_same_on_any_number_of_threads_and_after_a_stop_and_their_errors
     let output = grip(&["estimate", set.to_str().unwrap(), "--boxes", "guess", "--out", "x.csv"]);
     assert_eq!(code(&output), 2);
     assert!(stderr(&output).contains("--boxes guess"), "{}", stderr(&output));
-}
-
-/// The errors by numpy, where that is installed.
-fn check_errors(set: &Path, results: &Path, errors: &Path) {
-    let ready = Command::new("python3").args(["-c", "import numpy"]).output();
-    if !ready.is_ok_and(|output| output.status.success()) {
-        assert!(
-            std::env::var_os("GRIP_REQUIRE_PYTHON").is_none(),
-            "GRIP_REQUIRE_PYTHON is set but there is no numpy"
-        );
-        println!("SKIPPED: no python3 with numpy");
-        return;
-    }
-    let checked = Command::new("python3")
-        .arg(root().join("tests/check_errors.py"))
-        .args([set, results, errors])
-        .output()
-        .unwrap();
-    let text =
-        String::from_utf8_lossy(&checked.stdout).into_owned() + &String::from_utf8_lossy(&checked.stderr);
-    println!("{text}");
-    assert!(checked.status.success(), "{text}");
 }

@@ -97,19 +97,7 @@ fn an_independent_checker_finds_nothing_wrong_and_conditions_are_what_they_say()
     assert!(depth(0) != depth(3), "clutter is another layout");
     assert!(image::open(out.join("preview.png")).unwrap().width() > 900);
 
-    let checker = root().join("tests/check_bop.py");
-    let ready = Command::new("python3").args(["-c", "import numpy, PIL"]).output();
-    if !ready.is_ok_and(|output| output.status.success()) {
-        assert!(
-            std::env::var_os("GRIP_REQUIRE_PYTHON").is_none(),
-            "GRIP_REQUIRE_PYTHON is set but there is no python3 with numpy and Pillow"
-        );
-        println!("SKIPPED: no python3 with numpy and Pillow");
-        return;
-    }
-    let checked = Command::new("python3").arg(checker).arg(&out).arg("--models-depth").output().unwrap();
-    println!("{}", String::from_utf8_lossy(&checked.stdout));
-    assert!(checked.status.success(), "{}", String::from_utf8_lossy(&checked.stderr));
+    common::python("check_bop.py", "numpy, PIL", &[&out, Path::new("--models-depth")]);
 }
 
 #[test]

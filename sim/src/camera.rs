@@ -42,6 +42,21 @@ impl Intrinsics {
         Point3::new((u - self.cx) / self.fx * depth, (v - self.cy) / self.fy * depth, depth)
     }
 
+    /// The same view in a picture that is `times` smaller in width and height.
+    #[must_use]
+    pub fn shrunk(&self, times: usize) -> Self {
+        let by = times as f64;
+        let middle = |c: f64| (c + 0.5) / by - 0.5;
+        Self {
+            width: self.width / times,
+            height: self.height / times,
+            fx: self.fx / by,
+            fy: self.fy / by,
+            cx: middle(self.cx),
+            cy: middle(self.cy),
+        }
+    }
+
     /// What is wrong with these numbers, if anything.
     pub fn problem(&self) -> Option<String> {
         let Self { width, height, fx, fy, cx, cy } = *self;
@@ -61,6 +76,17 @@ impl Intrinsics {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn the_corners_of_a_shrunk_picture_see_the_same() {
+        let (k, small) = (Intrinsics::FETCH, Intrinsics::FETCH.shrunk(4));
+        assert_eq!((small.width, small.height), (160, 120));
+        for [u, v] in [[-0.5, -0.5], [639.5, 479.5]] {
+            let shrunk = small.project(&k.back_project(u, v, 0.7)).unwrap();
+            assert!((shrunk.x - ((u + 0.5) / 4.0 - 0.5)).abs() < 1e-9, "{shrunk}");
+            assert!((shrunk.y - ((v + 0.5) / 4.0 - 0.5)).abs() < 1e-9, "{shrunk}");
+        }
+    }
 
     #[test]
     fn back_projection_inverts_projection() {

@@ -182,37 +182,30 @@ impl Run<'_> {
     }
 }
 
+/// More instances of one object in one image than in any data set there is.
+const MOST_INSTANCES: u32 = 1000;
+
 /// What an evaluation asks for: the data set's targets in its split, else all that is in the truth and seen.
 pub(super) fn targets(dataset: &Dataset) -> Result<Vec<Target>> {
     let scenes: HashSet<u32> = dataset.scenes()?.into_iter().collect();
     if let Some(targets) = dataset.targets()? {
         let of_split: Vec<Target> = targets.into_iter().filter(|t| scenes.contains(&t.scene_id)).collect();
+        if let Some(t) = of_split.iter().find(|t| t.inst_count == 0 || t.inst_count > MOST_INSTANCES) {
+            anyhow::bail!(
+                "{}/test_targets_bop19.json: scene {}, image {}, object {}: inst_count = {}: must be 1 to {MOST_INSTANCES}",
+                dataset.root().display(),
+                t.scene_id,
+                t.im_id,
+                t.obj_id,
+                t.inst_count
+            );
+        }
         if !of_split.is_empty() {
             return Ok(of_split);
         }
     }
-    let mut targets = Vec::new();
-    for scene_id in dataset.scenes()? {
-        for im_id in dataset.images(scene_id)? {
-            let mut counts: BTreeMap<u32, u32> = BTreeMap::new();
-            for truth in dataset.ground_truths(scene_id, im_id)? {
-                if truth.info.is_none_or(|info| info.visib_fract >= LEAST_VISIBLE) {
-                    *counts.entry(truth.obj_id).or_default() += 1;
-                }
-            }
-            targets.extend(counts.into_iter().map(|(obj_id, inst_count)| Target {
-                scene_id,
-                im_id,
-                obj_id,
-                inst_count,
-            }));
-        }
-    }
-    Ok(targets)
+    Ok(dataset.targets_of_truth()?)
 }
-
-/// BOP asks for what is seen by at least this share.
-pub(super) const LEAST_VISIBLE: f64 = 0.1;
 
 fn partial_path(out: &Path) -> Result<PathBuf> {
     let name = out.file_name().and_then(|name| name.to_str()).with_context(|| {

@@ -13,7 +13,7 @@ use rand::RngExt;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use super::estimates::{LEAST_VISIBLE, targets};
+use super::estimates::targets;
 
 /// Thresholds of the accuracy curves, metres: the paper's, and PoseCNN's.
 pub const THRESHOLDS: [f64; 2] = [0.04, 0.1];
@@ -88,6 +88,8 @@ pub struct Evaluation {
     pub objects: BTreeMap<u32, Figures>,
     /// By view, where the scenes tell the views' names (`scene_info.json`).
     pub conditions: BTreeMap<String, Figures>,
+    /// Estimates of images or objects that are not asked for.
+    pub ignored: usize,
     /// Every instance.
     #[serde(skip)]
     pub cases: Vec<Case>,
@@ -97,14 +99,15 @@ pub struct Evaluation {
 /// instances the best scored count; each takes the nearest instance (by ADD-S) that is left.
 ///
 /// # Errors
-/// When the truth or a model cannot be read, or an estimate names an image that is not asked for.
+/// When the truth or a model cannot be read, or none of the estimates is of what is asked for.
 pub fn evaluate(dataset: &Dataset, estimates: &[Estimate]) -> Result<Evaluation> {
     let targets = targets(dataset)?;
     let mut by_target: HashMap<(u32, u32, u32), Vec<&Estimate>> = HashMap::new();
     for estimate in estimates {
         by_target.entry((estimate.scene_id, estimate.im_id, estimate.obj_id)).or_default().push(estimate);
     }
-    let asked = targets.iter().filter(|t| by_target.contains_key(&(t.scene_id, t.im_id, t.obj_id))).count();
+    let asked: usize =
+        targets.iter().filter_map(|t| by_target.get(&(t.scene_id, t.im_id, t.obj_id))).map(Vec::len).sum();
     anyhow::ensure!(
         estimates.is_empty() || asked > 0,
         "none of the {} estimates is of an image and object that {} asks for; are they of another data set?",
@@ -147,8 +150,7 @@ pub fn evaluate(dataset: &Dataset, estimates: &[Estimate]) -> Result<Evaluation>
                 .filter(|t| t.obj_id == target.obj_id)
                 .collect();
             // What is hidden is not asked for while enough is seen.
-            let seen = |t: &grip_sim::bop::GroundTruth| t.info.is_none_or(|i| i.visib_fract >= LEAST_VISIBLE);
-            open.sort_by_key(|t| !seen(t));
+            open.sort_by_key(|truth| !truth.is_target());
             open.truncate(target.inst_count as usize);
             let mut given =
                 by_target.get(&(target.scene_id, target.im_id, target.obj_id)).cloned().unwrap_or_default();
@@ -185,6 +187,7 @@ pub fn evaluate(dataset: &Dataset, estimates: &[Estimate]) -> Result<Evaluation>
         all: figures(&cases),
         objects: objects.into_iter().map(|(id, cases)| (id, figures(&cases))).collect(),
         conditions: by_condition.into_iter().map(|(name, cases)| (name, figures(&cases))).collect(),
+        ignored: estimates.len() - asked,
         cases,
     })
 }

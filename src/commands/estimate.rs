@@ -67,11 +67,13 @@ fn report(args: &EstimateArgs, settings: &Value, estimated: &Estimated, wall_s: 
         });
         return output::data(format_args!("{}", serde_json::to_string_pretty(&summary)?));
     }
+    let helped = matches!(args.boxes.as_str(), "gt" | "jittered");
     output::data(format_args!(
-        "{}: {poses} poses in {images} images ({kept} more kept from before), {wall_s:.1} s, {:.0} ms an image\n\
+        "{}: {poses} poses in {images} images ({kept} more kept from before), {wall_s:.1} s, {:.0} ms an image{}\n\
          next: grip eval {} {}",
         out.display(),
         1e3 * seconds / images.max(1) as f64,
+        if helped { "; boxes from the TRUTH" } else { "" },
         args.dataset.display(),
         out.display(),
     ))

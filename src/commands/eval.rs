@@ -19,6 +19,12 @@ pub fn run(args: &EvalArgs) -> Result<Done> {
         text.extend(evaluation.cases.iter().map(Case::line));
         bop::write_atomic(path, text.as_bytes())?;
     }
+    if evaluation.ignored > 0 {
+        output::message(format_args!(
+            "{} estimates are of images or objects that the data set does not ask for; they do not count",
+            evaluation.ignored
+        ));
+    }
     if args.json {
         let json = json!({
             "schema": "grip.eval/1",
@@ -26,6 +32,7 @@ pub fn run(args: &EvalArgs) -> Result<Done> {
             "split": dataset.split(),
             "results": args.results,
             "thresholds_m": crate::benchmark::THRESHOLDS,
+            "ignored": evaluation.ignored,
             "all": evaluation.all,
             "objects": evaluation.objects,
             "conditions": evaluation.conditions,

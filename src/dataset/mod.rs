@@ -7,23 +7,19 @@ mod plan;
 pub mod preview;
 mod scene;
 
-use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use std::time::Instant;
 
 use anyhow::{Context, Result};
-use grip_sim::bop::{self, Dataset, Target};
+use grip_sim::bop::{self, Dataset};
 use grip_sim::render::{self, RendererChoice};
 use indicatif::ProgressBar;
 
 pub use self::plan::Plan;
 pub use self::scene::Timings;
 use crate::setup::Setup;
-
-/// Objects that are seen less than this share are no targets (BOP's rule).
-const TARGET_VISIBLE: f64 = 0.1;
 
 /// What became of a run of `grip scenes`.
 #[derive(Debug, Default)]
@@ -102,32 +98,10 @@ pub fn make(
     let began = Instant::now();
     let mut made = made.into_inner().unwrap_or_else(std::sync::PoisonError::into_inner);
     let dataset = Dataset::open(out, Some(&plan.split))?;
-    bop::write_targets(out, &targets(&dataset)?)?;
+    bop::write_targets(out, &dataset.targets_of_truth()?)?;
     bop::write_coco_set(out, &plan.split)?;
     made.timings.write += began.elapsed();
     Ok(made)
-}
-
-/// Every object that is seen well enough, in order of scene, image and object.
-fn targets(dataset: &Dataset) -> Result<Vec<Target>> {
-    let mut targets: Vec<Target> = Vec::new();
-    for scene_id in dataset.scenes()? {
-        for im_id in dataset.images(scene_id)? {
-            let mut counts: BTreeMap<u32, u32> = BTreeMap::new();
-            for truth in dataset.ground_truths(scene_id, im_id)? {
-                if truth.info.is_some_and(|info| info.visib_fract >= TARGET_VISIBLE) {
-                    *counts.entry(truth.obj_id).or_default() += 1;
-                }
-            }
-            targets.extend(counts.into_iter().map(|(obj_id, inst_count)| Target {
-                scene_id,
-                im_id,
-                obj_id,
-                inst_count,
-            }));
-        }
-    }
-    Ok(targets)
 }
 
 /// Removes what killed runs have left unfinished in `folder`.

@@ -32,6 +32,9 @@ use crate::setup::Setup;
 const LEAST_VISIBLE: f64 = 0.1;
 const LEAST_INSIDE: f64 = 0.6;
 
+/// A picture this much smaller in width and height tells whether a layout is worth a closer look.
+const GLANCE: usize = 4;
+
 /// Where the time of a scene went.
 #[derive(Debug, Default, Clone, Copy)]
 pub struct Timings {
@@ -230,10 +233,14 @@ impl Making<'_> {
             }
         };
         let pinhole = self.plan.pinhole();
+        let small = pinhole.shrunk(GLANCE);
         let known = RefCell::new(Known::default());
-        let outlines =
-            |placed: &[Placed]| outlines(placed, &world_from_camera, pinhole, &mut known.borrow_mut());
-        let accept = |placed: &[Placed]| outlines(placed).map(|_| ());
+        let outlines = |placed: &[Placed]| outlines(placed, &world_from_camera, pinhole, &mut Known::default());
+        // A glance refuses most of what is to be refused.
+        let accept = |placed: &[Placed]| {
+            self::outlines(placed, &world_from_camera, &small, &mut known.borrow_mut())?;
+            if placed.len() == models.len() { outlines(placed).map(|_| ()) } else { Ok(()) }
+        };
         let fresh = || {
             World::new(scene, setup.robot.clone(), &setup.config, setup.start.clone()).map(World::for_layout)
         };

@@ -51,3 +51,25 @@ pub fn edited_scene(folder: &Path, edit: impl Fn(String) -> String) -> PathBuf {
     std::fs::write(&path, edit(text)).expect("writable");
     path
 }
+
+/// Runs a script of `tests/` by Python: without these modules it is skipped, or fails where
+/// `GRIP_REQUIRE_PYTHON` is set. What it prints is printed; it must end with 0.
+#[allow(clippy::print_stdout, reason = "tests")]
+pub fn python(script: &str, modules: &str, args: &[&Path]) {
+    let ready = Command::new("python3").args(["-c", &format!("import {modules}")]).output();
+    if !ready.is_ok_and(|output| output.status.success()) {
+        assert!(
+            std::env::var_os("GRIP_REQUIRE_PYTHON").is_none(),
+            "GRIP_REQUIRE_PYTHON is set but there is no python3 with {modules}"
+        );
+        println!("SKIPPED: no python3 with {modules}");
+        return;
+    }
+    let output = Command::new("python3")
+        .arg(root().join("tests").join(script))
+        .args(args)
+        .output()
+        .expect("python3 starts");
+    println!("{}", stdout(&output));
+    assert!(output.status.success(), "{}{}", stdout(&output), stderr(&output));
+}

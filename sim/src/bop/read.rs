@@ -67,6 +67,16 @@ pub struct GroundTruth {
     pub info: Option<GtInfo>,
 }
 
+/// BOP asks for what is seen by at least this share of its silhouette.
+pub const TARGET_VISIBLE: f64 = 0.1;
+
+impl GroundTruth {
+    /// Whether enough is seen of it to ask for it; where the data set does not tell, yes.
+    pub fn is_target(&self) -> bool {
+        self.info.is_none_or(|info| info.visib_fract >= TARGET_VISIBLE)
+    }
+}
+
 impl Dataset {
     /// Opens the data set at `root`. `split` is a folder such as `test` or `train_pbr`; without it the first of test, val,
     /// train, train_pbr, train_real, train_synt, else the first other folder that holds scenes.
@@ -131,6 +141,30 @@ impl Dataset {
     /// If the file is wrong.
     pub fn targets(&self) -> Result<Option<Vec<Target>>> {
         optional(&self.root.join("test_targets_bop19.json"), &["target"])
+    }
+
+    /// The targets that an evaluation of everything asks for: from the truth, all instances that are seen by at least
+    /// [`TARGET_VISIBLE`], in order of scene, image and object.
+    ///
+    /// # Errors
+    /// If the truth is missing or wrong.
+    pub fn targets_of_truth(&self) -> Result<Vec<Target>> {
+        let mut targets = Vec::new();
+        for scene_id in self.scenes()? {
+            for im_id in self.images(scene_id)? {
+                let mut counts: BTreeMap<u32, u32> = BTreeMap::new();
+                for truth in self.ground_truths(scene_id, im_id)?.iter().filter(|truth| truth.is_target()) {
+                    *counts.entry(truth.obj_id).or_default() += 1;
+                }
+                targets.extend(counts.into_iter().map(|(obj_id, inst_count)| Target {
+                    scene_id,
+                    im_id,
+                    obj_id,
+                    inst_count,
+                }));
+            }
+        }
+        Ok(targets)
     }
 
     /// Numbers of the models, ascending.

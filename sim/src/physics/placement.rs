@@ -22,15 +22,14 @@ const DROP_M: f64 = 0.004;
 const EDGE_M: f64 = 0.03;
 /// Outlines keep this far from the bin, metres: an open hand fits between.
 const BIN_GAP_M: f64 = 0.06;
-/// A heap that moves less than this in that time is at rest, metres and seconds.
+/// What moves less than this is at rest, metres. (Not by speed: solids of many pieces tremble in the solver's hands.)
 const DRIFT_M: f64 = 0.001;
-const DRIFT_S: f64 = 0.2;
-/// A heap must then stand still for this long, seconds.
-const HEAP_STANDS_S: f64 = 0.5;
-/// Longest simulated time to wait for rest, seconds.
-const SETTLE_S: f64 = 6.0;
-/// The same for a heap, whose objects have come down one after another.
-const HEAP_SETTLE_S: f64 = 2.0;
+/// Time given to what is put down to come to rest for as long as that, before the next one follows, seconds.
+const FALL_S: f64 = 0.8;
+const FALLEN_S: f64 = 0.2;
+/// The same for the whole layout, in thin air.
+const SETTLE_S: f64 = 4.0;
+const STANDS_S: f64 = 0.5;
 
 /// What a layout must meet beyond lying well on the table, such as being seen; the reason why it does not. Asked of what is
 /// about to be spread before physics has its say, and of heaps after each object, with only those laid so far.
@@ -72,19 +71,16 @@ pub fn drop_objects(
         let mut random = rng::stream(seed, &format!("placement/{attempt}"));
         let mut world;
         let laid_out = match placement {
-            Placement::Spread => match spread(scene, models, accept, &mut random) {
-                Ok(placed) => {
-                    world = fresh()?;
-                    for (model, pose) in placed {
-                        world.add_object(model, &pose)?;
-                    }
-                    Ok(())
-                }
-                Err(reason) => {
-                    rejected.push(reason);
+            Placement::Spread => {
+                let Some(placed) = spread(scene, models, accept, &mut random, &mut rejected) else {
                     continue;
+                };
+                world = fresh()?;
+                for (model, pose) in placed {
+                    world.add_object(model, &pose)?;
                 }
-            },
+                Ok(())
+            }
             Placement::Stacked(heap) => {
                 world = fresh()?;
                 stack(&mut world, scene, models, heap, accept, &mut random)?
@@ -92,20 +88,16 @@ pub fn drop_objects(
         };
         let outcome = laid_out.and_then(|()| {
             let began = world.time();
-            // A heap may tremble: contacts of many pieces are never quite at peace.
-            let (at_rest, limit) = match placement {
-                Placement::Spread => (world.settle(SETTLE_S).at_rest, SETTLE_S),
-                Placement::Stacked(_) => {
-                    world.thin_air();
-                    (calm(&mut world, HEAP_SETTLE_S) && world.drift(HEAP_STANDS_S) < DRIFT_M, HEAP_SETTLE_S)
-                }
-            };
-            if !at_rest {
+            if placement == Placement::Spread {
+                calm(&mut world, FALL_S, FALLEN_S);
+            }
+            world.thin_air();
+            if !calm(&mut world, SETTLE_S, STANDS_S) {
                 let speeds = (0..world.object_count()).map(|i| (world.speed(i), i));
                 let restless = speeds.max_by(|a, b| a.0.total_cmp(&b.0));
                 let (speed, i) = restless.unwrap_or((0.0, 0));
                 let name = &world.object(i).info.name;
-                return Err(format!("{name} still moves at {:.1} mm/s after {limit} s", speed * 1e3));
+                return Err(format!("{name} still moves at {:.1} mm/s after {SETTLE_S} s", speed * 1e3));
             }
             let settle_s = world.time() - began;
             let wrong = match placement {
@@ -131,9 +123,9 @@ pub fn drop_objects(
     )))
 }
 
-/// Steps until nothing moves that could be seen, or `limit_s` is over; whether it came to that.
-fn calm(world: &mut World, limit_s: f64) -> bool {
-    (0..(limit_s / DRIFT_S).ceil() as usize).any(|_| world.drift(DRIFT_S) < DRIFT_M)
+/// Steps until nothing has moved for `rest_s` so that it could be seen, or `limit_s` is over; whether it came to that.
+fn calm(world: &mut World, limit_s: f64, rest_s: f64) -> bool {
+    (0..(limit_s / rest_s).ceil() as usize).any(|_| world.drift(rest_s) < DRIFT_M)
 }
 
 /// Which object, if any, is not well on the table.
@@ -199,22 +191,21 @@ fn orientation(model: &ObjectModel, lying_fraction: f64, random: &mut ChaCha8Rng
 }
 
 /// Where objects that are spread out begin: a hand's breadth apart, and as `accept` wants it. Of the many ways to do that
-/// which a seed draws, the first that succeeds.
+/// which a seed draws, the first that succeeds; why the others did not is added to `rejected`.
 fn spread(
     scene: &Scene,
     models: &[Arc<ObjectModel>],
     accept: &Accept<'_>,
     random: &mut ChaCha8Rng,
-) -> std::result::Result<Vec<Placed>, String> {
+    rejected: &mut Vec<String>,
+) -> Option<Vec<Placed>> {
     const DRAWS: usize = 20;
-    let mut reason = String::new();
-    for _ in 0..DRAWS {
-        match places(scene, models, random).and_then(|placed| accept(&placed).map(|()| placed)) {
-            Ok(placed) => return Ok(placed),
-            Err(refusal) => reason = refusal,
-        }
-    }
-    Err(reason)
+    (0..DRAWS).find_map(|_| {
+        places(scene, models, random)
+            .and_then(|placed| accept(&placed).map(|()| placed))
+            .map_err(|reason| rejected.push(reason))
+            .ok()
+    })
 }
 
 /// Objects with their outlines apart, just above the table.
@@ -310,8 +301,6 @@ fn stack(
     const TRIES: usize = 6;
     /// What moves farther than this in a fifth of a second is about to roll away, metres.
     const ROLLING_M: f64 = 0.015;
-    /// Time given to each object to fall on the heap before the next one follows, seconds.
-    const FALL_S: f64 = 0.8;
     let region = &scene.objects;
     let placed = |model: &ObjectModel| region.placed.iter().find(|p| p.name == model.info.name);
     for model in models {
@@ -337,10 +326,10 @@ fn stack(
             } else {
                 world.put(world.object_count() - 1, &pose);
             }
-            let at_rest = calm(world, FALL_S);
+            let at_rest = calm(world, FALL_S, FALLEN_S);
             laid = match astray(world, scene) {
                 Some(reason) => Err(reason),
-                None if at_rest || world.drift(DRIFT_S) < ROLLING_M => accept(&world.placed()),
+                None if at_rest || world.drift(FALLEN_S) < ROLLING_M => accept(&world.placed()),
                 None => Err(format!("{} rolls about", model.info.name)),
             };
             if laid.is_ok() {

@@ -132,7 +132,8 @@ impl World {
                 let (linear, angular) = AIR;
                 body.set_linear_damping(linear);
                 body.set_angular_damping(angular);
-                body.activation_mut().time_until_sleep = 10.0;
+                // Nothing may fall asleep while it slowly tips.
+                body.activation_mut().normalized_linear_threshold = -1.0;
                 body.wake_up(true);
             }
         }
