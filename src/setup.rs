@@ -13,7 +13,7 @@ use grip_sim::condition::{Condition, ConditionSpec};
 use grip_sim::frame::CameraFrame;
 use grip_sim::images::LabelImage;
 use grip_sim::objects::{ObjectLibrary, ObjectModel, resolve_set};
-use grip_sim::physics::{Dropped, World, drop_objects};
+use grip_sim::physics::{Accept, Dropped, World, drop_objects};
 use grip_sim::pose::{Camera, Object, Pose, World as WorldFrame};
 use grip_sim::render::{self, Bounce, Furniture, Instance, RenderScene, Renderer, Rendering};
 use grip_sim::robot::{RobotConfig, RobotModel};
@@ -100,7 +100,7 @@ impl Setup {
     /// Lays the objects out from the seed and settles them.
     pub fn drop_objects(&self) -> Result<(World, Dropped)> {
         let fresh = || World::new(&self.scene, self.robot.clone(), &self.config, self.start.clone());
-        Ok(drop_objects(&self.scene, &self.models, self.condition.placement, self.seed, &|_| Ok(()), fresh)?)
+        Ok(drop_objects(&self.scene, &self.models, self.condition.placement, self.seed, Accept::ALL, fresh)?)
     }
 
     /// Takes a picture with the head camera as the robot stands. `shot` numbers the pictures of a run, so that each has

@@ -33,20 +33,13 @@ fn model(
     triangles: Vec<[u32; 3]>,
     geometry: Convex,
 ) -> Arc<ObjectModel> {
-    let min = positions.iter().fold(Point3::new(f32::MAX, f32::MAX, f32::MAX), |m, p| m.inf(p));
-    let max = positions.iter().fold(Point3::new(f32::MIN, f32::MIN, f32::MIN), |m, p| m.sup(p));
     let normals = positions.iter().map(|p| p.coords.normalize()).collect();
-    Arc::new(ObjectModel {
-        info: info(name),
-        visual: Arc::new(Visual {
-            mesh: Arc::new(Mesh { positions, normals, triangles, ..Mesh::default() }),
-            material: Material::default(),
-        }),
-        collision: vec![CollisionShape { pose: Isometry3::identity(), geometry }],
-        min: min.cast(),
-        max: max.cast(),
-        diameter: f64::from((max - min).norm()),
-    })
+    let visual = Visual {
+        mesh: Arc::new(Mesh { positions, normals, triangles, ..Mesh::default() }),
+        material: Material::default(),
+    };
+    let collision = vec![CollisionShape { pose: Isometry3::identity(), geometry }];
+    Arc::new(ObjectModel::new(info(name), visual, collision))
 }
 
 /// A box of full extents `size`, metres.

@@ -7,7 +7,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use grip_sim::objects::{ObjectLibrary, ObjectSet};
-use grip_sim::physics::{STEP_HZ, World, drop_objects};
+use grip_sim::physics::{Accept, STEP_HZ, World, drop_objects};
 use grip_sim::robot::{RobotConfig, RobotModel};
 use grip_sim::scene::Scene;
 
@@ -27,7 +27,7 @@ fn world() -> (World, RobotConfig) {
     let q = config.configuration(&robot, &scene.robot.start_pose).unwrap();
     let fresh = || World::new(&scene, robot.clone(), &config, q.clone());
     let (world, _) =
-        drop_objects(&scene, &models, grip_sim::condition::Placement::Spread, 1, &|_| Ok(()), fresh).unwrap();
+        drop_objects(&scene, &models, grip_sim::condition::Placement::Spread, 1, Accept::ALL, fresh).unwrap();
     (world, config)
 }
 

@@ -248,17 +248,31 @@ impl Mesh {
         mesh
     }
 
+    /// The same surface without looks or normals, one vertex a place, with as few triangles as keep it within `error`
+    /// (metres).
+    pub fn simplified(&self, error: f64) -> Self {
+        let welded = self.welded();
+        let all: Vec<u32> = self.triangles.as_flattened().iter().map(|&i| welded[i as usize]).collect();
+        let places: Vec<[f32; 3]> = self.positions.iter().map(|p| p.coords.into()).collect();
+        let options = meshopt::SimplifyOptions::ErrorAbsolute;
+        let mut few = meshopt::simplify_decoder(&all, &places, 0, error as f32, options, None);
+        let mut positions = Vec::new();
+        let mut kept = vec![None; self.positions.len()];
+        for corner in &mut few {
+            let old = *corner as usize;
+            *corner = *kept[old].get_or_insert_with(|| {
+                positions.push(self.positions[old]);
+                positions.len() as u32 - 1
+            });
+        }
+        Self { positions, triangles: few.as_chunks::<3>().0.to_vec(), ..Self::default() }
+    }
+
     /// The same surface without looks, one vertex a place, that covers it about evenly, whatever the triangles were: first
     /// with as few triangles as keep it within a thirtieth of `longest` (metres), then with edges halved until none is
     /// longer than that. Normals are smooth.
     pub fn refined(&self, longest: f64) -> Self {
-        let welded = self.welded();
-        let mut positions = self.positions.clone();
-        let all: Vec<u32> = self.triangles.as_flattened().iter().map(|&i| welded[i as usize]).collect();
-        let places: Vec<[f32; 3]> = positions.iter().map(|p| p.coords.into()).collect();
-        let options = meshopt::SimplifyOptions::ErrorAbsolute;
-        let few = meshopt::simplify_decoder(&all, &places, 0, longest as f32 / 30.0, options, None);
-        let mut triangles = few.as_chunks::<3>().0.to_vec();
+        let Self { mut positions, mut triangles, .. } = self.simplified(longest / 30.0);
         loop {
             // Both triangles of an edge see the same halves, so that the surface stays closed.
             let mut middles: HashMap<[u32; 2], u32> = HashMap::new();

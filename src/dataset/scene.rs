@@ -3,6 +3,7 @@
 use std::cell::RefCell;
 use std::collections::HashMap;
 use std::path::Path;
+use std::rc::Rc;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
@@ -12,7 +13,7 @@ use grip_sim::camera::Intrinsics;
 use grip_sim::condition::Condition;
 use grip_sim::images::{DepthImage, Image, LabelImage};
 use grip_sim::objects::ObjectModel;
-use grip_sim::physics::{Placed, ROBOT_LABEL, World, drop_objects};
+use grip_sim::physics::{Accept, LaidOut, Placed, ROBOT_LABEL, World, drop_objects};
 use grip_sim::pose::{Camera, Object, Pose, World as WorldFrame};
 use grip_sim::render::{self, Bounce, RenderScene, Renderer, Rendering, Silhouette};
 use grip_sim::rng;
@@ -31,9 +32,6 @@ use crate::setup::Setup;
 /// Least share of an object's silhouette that must be seen, and that must lie inside the picture.
 const LEAST_VISIBLE: f64 = 0.1;
 const LEAST_INSIDE: f64 = 0.6;
-
-/// A picture this much smaller in width and height tells whether a layout is worth a closer look.
-const GLANCE: usize = 4;
 
 /// Where the time of a scene went.
 #[derive(Debug, Default, Clone, Copy)]
@@ -87,7 +85,7 @@ struct Layout {
     world_from_camera: Pose<WorldFrame, Camera>,
     /// In the order of the scene's objects.
     camera_from_object: Vec<Pose<Camera, Object>>,
-    outlines: Vec<Silhouette>,
+    outlines: Vec<Rc<Silhouette>>,
 }
 
 /// Draws of objects for a scene before it is given up.
@@ -233,27 +231,31 @@ impl Making<'_> {
             }
         };
         let pinhole = self.plan.pinhole();
-        let small = pinhole.shrunk(GLANCE);
-        let known = RefCell::new(Known::default());
-        let outlines = |placed: &[Placed]| outlines(placed, &world_from_camera, pinhole, &mut Known::default());
-        // A glance refuses most of what is to be refused.
-        let accept = |placed: &[Placed]| {
-            self::outlines(placed, &world_from_camera, &small, &mut known.borrow_mut())?;
-            if placed.len() == models.len() { outlines(placed).map(|_| ()) } else { Ok(()) }
+        let camera_from_world = world_from_camera.inverse();
+        let outlines = |placed: &[Placed]| {
+            outlines(placed, pinhole, |(model, pose)| {
+                render::silhouette(&model.visual.mesh, &(camera_from_world * *pose), pinhole).map(Rc::new)
+            })
         };
+        let glance = Glance::new(camera_from_world, pinhole);
+        let accept =
+            Accept { glance: &|placed| glance.accepts(placed), look: &|placed| outlines(placed).map(|_| ()) };
         let fresh = || {
             World::new(scene, setup.robot.clone(), &setup.config, setup.start.clone()).map(World::for_layout)
         };
-        let dropped = drop_objects(scene, models, condition.placement, seed, &accept, fresh);
+        let dropped = drop_objects(scene, models, condition.placement, seed, accept, fresh);
         self.timings.physics += began.elapsed();
         let (world, dropped) = dropped?;
         self.rejected.extend(dropped.rejected.into_iter().map(|reason| format!("{name}: {reason}")));
         let mut outlines = outlines(&world.placed()).map_err(anyhow::Error::msg)?;
         if let Some(lens) = &self.plan.lens {
-            outlines = outlines.iter().map(|outline| distorted(lens, outline)).collect::<Result<_>>()?;
+            outlines = outlines
+                .iter()
+                .map(|outline| distorted(lens, outline).map(Rc::new))
+                .collect::<Result<_>>()?;
         }
         let camera_from_object =
-            (0..models.len()).map(|i| world_from_camera.inverse() * world.truth(i)).collect();
+            (0..models.len()).map(|i| camera_from_world * world.truth(i)).collect();
         Ok(Layout { scene: (self.show)(&world), world_from_camera, camera_from_object, outlines })
     }
 
@@ -335,42 +337,48 @@ impl Making<'_> {
     }
 }
 
-/// Outlines of the objects where they last were: in a growing heap most of them have not moved since.
-#[derive(Default)]
-struct Known(HashMap<usize, (Pose<WorldFrame, Object>, Option<Silhouette>)>);
+/// Looks at small pictures of simple meshes, which refuses most of the layouts that a closer look would refuse.
+struct Glance {
+    camera_from_world: Pose<Camera, WorldFrame>,
+    pinhole: Intrinsics,
+    /// Outlines of the objects where they last were: in a growing heap most of them have not moved since.
+    known: RefCell<HashMap<*const ObjectModel, (Pose<WorldFrame, Object>, Option<Rc<Silhouette>>)>>,
+}
 
-impl Known {
-    /// The outline of object `index` at `pose`.
-    fn outline(
-        &mut self,
-        index: usize,
-        pose: &Pose<WorldFrame, Object>,
-        draw: impl FnOnce() -> Option<Silhouette>,
-    ) -> Option<Silhouette> {
-        if self.0.get(&index).is_none_or(|(before, _)| before != pose) {
-            self.0.insert(index, (*pose, draw()));
-        }
-        self.0.get(&index).and_then(|(_, outline)| outline.clone())
+impl Glance {
+    /// How many times smaller than the real picture.
+    const TIMES: usize = 4;
+    fn new(camera_from_world: Pose<Camera, WorldFrame>, pinhole: &Intrinsics) -> Self {
+        Self { camera_from_world, pinhole: pinhole.shrunk(Self::TIMES), known: RefCell::default() }
+    }
+
+    fn accepts(&self, placed: &[Placed]) -> LaidOut {
+        let mut known = self.known.borrow_mut();
+        let outline = |(model, pose): &Placed| match known.get(&Arc::as_ptr(model)) {
+            Some((before, outline)) if before == pose => outline.clone(),
+            _ => {
+                let camera_from_object = self.camera_from_world * *pose;
+                let outline = render::silhouette(model.rough(), &camera_from_object, &self.pinhole).map(Rc::new);
+                known.insert(Arc::as_ptr(model), (*pose, outline.clone()));
+                outline
+            }
+        };
+        outlines(placed, &self.pinhole, outline).map(|_| ())
     }
 }
 
-/// The outline of each object, or the first one that is not well in the picture, or hidden by the others.
+/// The outline of each object as `outline` draws it, or the first one that is not well in the picture, or hidden by the
+/// others.
 fn outlines(
     placed: &[Placed],
-    world_from_camera: &Pose<WorldFrame, Camera>,
     pinhole: &Intrinsics,
-    known: &mut Known,
-) -> std::result::Result<Vec<Silhouette>, String> {
-    let camera_from_world = world_from_camera.inverse();
+    mut outline: impl FnMut(&Placed) -> Option<Rc<Silhouette>>,
+) -> std::result::Result<Vec<Rc<Silhouette>>, String> {
     let mut outlines = Vec::new();
     let mut front = Image::filled(pinhole.width, pinhole.height, (0.0, usize::MAX));
-    for (i, (model, pose)) in placed.iter().enumerate() {
-        let name = &model.info.name;
-        let outline = known
-            .outline(i, pose, || {
-                render::silhouette(&model.visual.mesh, &(camera_from_world * *pose), pinhole)
-            })
-            .ok_or_else(|| format!("{name} is out of the picture"))?;
+    for (i, object) in placed.iter().enumerate() {
+        let name = &object.0.info.name;
+        let outline = outline(object).ok_or_else(|| format!("{name} is out of the picture"))?;
         let inside = share_inside(&outline, pinhole);
         if inside < LEAST_INSIDE {
             return Err(format!("only {:.0} % of {name} are in the picture", 100.0 * inside));

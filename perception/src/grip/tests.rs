@@ -19,27 +19,22 @@ use super::score::{compare, compare_body};
 use super::settings::GripSettings;
 
 fn model(positions: Vec<Point3<f32>>, triangles: Vec<[u32; 3]>) -> Model {
-    let object = ObjectModel {
-        info: ObjectInfo {
-            name: "thing".into(),
-            bop_id: 1,
-            mass_kg: 0.1,
-            friction: 0.5,
-            symmetric: false,
-            fragility: Fragility::Sturdy,
-            upright: false,
-            revolution: None,
-            half_turns: vec![],
-        },
-        visual: Arc::new(Visual {
-            mesh: Arc::new(Mesh { positions, triangles, ..Mesh::default() }),
-            material: Material::default(),
-        }),
-        collision: vec![],
-        min: Point3::origin(),
-        max: Point3::origin(),
-        diameter: 0.0,
+    let info = ObjectInfo {
+        name: "thing".into(),
+        bop_id: 1,
+        mass_kg: 0.1,
+        friction: 0.5,
+        symmetric: false,
+        fragility: Fragility::Sturdy,
+        upright: false,
+        revolution: None,
+        half_turns: vec![],
     };
+    let visual = Visual {
+        mesh: Arc::new(Mesh { positions, triangles, ..Mesh::default() }),
+        material: Material::default(),
+    };
+    let object = ObjectModel::new(info, visual, vec![]);
     Model::new(&object, &[200, 500, 1000]).unwrap()
 }
 

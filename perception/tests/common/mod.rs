@@ -23,42 +23,23 @@ pub const TABLE: f64 = 0.7;
 
 /// An object from a mesh; positions are shifted so that the origin is the centre of the bounding box.
 pub fn object(name: &str, positions: Vec<Point3<f32>>, triangles: Vec<[u32; 3]>) -> Arc<ObjectModel> {
-    let fold = |f: fn(f32, f32) -> f32, start: f32| {
-        positions
-            .iter()
-            .fold(Point3::new(start, start, start), |m, p| Point3::new(f(m.x, p.x), f(m.y, p.y), f(m.z, p.z)))
-    };
-    let (min, max) = (fold(f32::min, f32::MAX), fold(f32::max, f32::MIN));
-    let diameter = f64::from((max - min).norm());
     let normals = vec![Vector3::z(); positions.len()];
-    Arc::new(ObjectModel {
-        info: ObjectInfo {
-            name: name.to_owned(),
-            bop_id: 1,
-            mass_kg: 0.3,
-            friction: 0.5,
-            symmetric: true,
-            fragility: Fragility::Sturdy,
-            upright: false,
-            revolution: None,
-            half_turns: vec![],
-        },
-        visual: Arc::new(Visual {
-            mesh: Arc::new(Mesh {
-                positions,
-                normals,
-                uvs: vec![],
-                colors: vec![],
-                finish: vec![],
-                triangles,
-            }),
-            material: Material::default(),
-        }),
-        collision: vec![],
-        min: min.cast(),
-        max: max.cast(),
-        diameter,
-    })
+    let info = ObjectInfo {
+        name: name.to_owned(),
+        bop_id: 1,
+        mass_kg: 0.3,
+        friction: 0.5,
+        symmetric: true,
+        fragility: Fragility::Sturdy,
+        upright: false,
+        revolution: None,
+        half_turns: vec![],
+    };
+    let visual = Visual {
+        mesh: Arc::new(Mesh { positions, normals, triangles, ..Mesh::default() }),
+        material: Material::default(),
+    };
+    Arc::new(ObjectModel::new(info, visual, vec![]))
 }
 
 pub fn box_object(name: &str, size: [f32; 3]) -> Arc<ObjectModel> {

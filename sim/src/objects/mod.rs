@@ -22,12 +22,12 @@ mod symmetry;
 pub mod table;
 
 use std::path::PathBuf;
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 use nalgebra::{Point3, Vector3};
 use serde::{Deserialize, Serialize};
 
-use crate::mesh::Visual;
+use crate::mesh::{Mesh, Visual};
 use crate::shape::CollisionShape;
 
 pub use collision_error::{CollisionError, collision_error};
@@ -111,14 +111,23 @@ pub struct ObjectModel {
     pub max: Point3<f64>,
     /// Largest distance between two vertices, metres.
     pub diameter: f64,
+    rough: OnceLock<Mesh>,
 }
 
 impl ObjectModel {
+    /// How far [`ObjectModel::rough`] may be from the surface, metres.
+    const ROUGH_ERROR: f64 = 0.003;
+
     /// Puts a model together; bounds and diameter are those of the mesh.
     pub fn new(info: ObjectInfo, visual: Visual, collision: Vec<CollisionShape>) -> Self {
         let (min, max) = visual.mesh.bounds().unwrap_or((Point3::origin(), Point3::origin()));
         let diameter = visual.mesh.diameter();
-        Self { info, visual: Arc::new(visual), collision, min, max, diameter }
+        Self { info, visual: Arc::new(visual), collision, min, max, diameter, rough: OnceLock::new() }
+    }
+
+    /// The surface within 3 mm in a few hundred triangles: enough to tell what hides what.
+    pub fn rough(&self) -> &Mesh {
+        self.rough.get_or_init(|| self.visual.mesh.simplified(Self::ROUGH_ERROR))
     }
 
     /// Extents of the bounding box, metres.

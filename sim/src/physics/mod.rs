@@ -21,7 +21,7 @@ mod view;
 mod world;
 
 pub use contacts::{Body, FingerContact, ObjectContacts};
-pub use placement::{Accept, Dropped, Placed, drop_objects};
+pub use placement::{Accept, Dropped, LaidOut, Placed, drop_objects};
 pub use robot_body::{Grip, Stop};
 pub use view::ROBOT_LABEL;
 pub use world::{STEP_HZ, Settled, World};

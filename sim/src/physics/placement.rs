@@ -31,14 +31,26 @@ const FALLEN_S: f64 = 0.2;
 const SETTLE_S: f64 = 4.0;
 const STANDS_S: f64 = 0.5;
 
-/// What a layout must meet beyond lying well on the table, such as being seen; the reason why it does not. Asked of what is
-/// about to be spread before physics has its say, and of heaps after each object, with only those laid so far.
-pub type Accept<'a> = dyn Fn(&[Placed]) -> LaidOut + 'a;
+/// What a layout must meet beyond lying well on the table, such as being seen; the reason why it does not.
+#[derive(Clone, Copy)]
+pub struct Accept<'a> {
+    /// Asked often, so that no time is lost on what will not do: of what is about to be spread; of heaps before each object,
+    /// with that alone, and after it, with those laid so far.
+    pub glance: &'a dyn Fn(&[Placed]) -> LaidOut,
+    /// Asked of the whole layout at rest.
+    pub look: &'a dyn Fn(&[Placed]) -> LaidOut,
+}
+
+impl Accept<'_> {
+    /// Every layout will do.
+    pub const ALL: Self = Self { glance: &|_| Ok(()), look: &|_| Ok(()) };
+}
 
 /// An object and where it is.
 pub type Placed = (Arc<ObjectModel>, Pose<frame::World, frame::Object>);
 
-type LaidOut = std::result::Result<(), String>;
+/// Whether something could be laid out; else why not.
+pub type LaidOut = std::result::Result<(), String>;
 
 /// How the objects got where they are.
 #[derive(Debug, Clone, PartialEq)]
@@ -63,7 +75,7 @@ pub fn drop_objects(
     models: &[Arc<ObjectModel>],
     placement: Placement,
     seed: u64,
-    accept: &Accept<'_>,
+    accept: Accept<'_>,
     mut fresh: impl FnMut() -> Result<World>,
 ) -> Result<(World, Dropped)> {
     let mut rejected = Vec::new();
@@ -104,7 +116,7 @@ pub fn drop_objects(
                 Placement::Spread => touching(&world),
                 Placement::Stacked(heap) => too_loose(&world, heap.touching),
             };
-            astray(&world, scene).or(wrong).map_or_else(|| accept(&world.placed()), Err)?;
+            astray(&world, scene).or(wrong).map_or_else(|| (accept.look)(&world.placed()), Err)?;
             Ok(settle_s)
         });
         match outcome {
@@ -195,14 +207,14 @@ fn orientation(model: &ObjectModel, lying_fraction: f64, random: &mut ChaCha8Rng
 fn spread(
     scene: &Scene,
     models: &[Arc<ObjectModel>],
-    accept: &Accept<'_>,
+    accept: Accept<'_>,
     random: &mut ChaCha8Rng,
     rejected: &mut Vec<String>,
 ) -> Option<Vec<Placed>> {
     const DRAWS: usize = 20;
     (0..DRAWS).find_map(|_| {
         places(scene, models, random)
-            .and_then(|placed| accept(&placed).map(|()| placed))
+            .and_then(|placed| (accept.glance)(&placed).map(|()| placed))
             .map_err(|reason| rejected.push(reason))
             .ok()
     })
@@ -289,16 +301,40 @@ fn against(
     })
 }
 
+/// A random place against one of the first `count` objects: the pose on the table there, as if there were no other objects,
+/// and the one just above whatever lies there, from which the object is laid down and does not fall.
+fn start(
+    world: &World,
+    count: usize,
+    model: &ObjectModel,
+    scene: &Scene,
+    heap: Stacked,
+    random: &mut ChaCha8Rng,
+) -> [Pose<frame::World, frame::Object>; 2] {
+    let region = &scene.objects;
+    let rotation = orientation(model, heap.lying_fraction, random);
+    let (below, radius) = reach(model, &rotation);
+    let [x, y] = match count {
+        0 => somewhere(region, heap.patch, random),
+        _ => against(world, random.random_range(0..count), radius, region, heap.patch, random),
+    };
+    let table = scene.table.height;
+    let top = world.highest_point_near(x, y, radius, count).max(table);
+    [table, top]
+        .map(|z| Pose::new(Isometry3::from_parts(Translation3::new(x, y, z + below + DROP_M), rotation)))
+}
+
 fn stack(
     world: &mut World,
     scene: &Scene,
     models: &[Arc<ObjectModel>],
     heap: Stacked,
-    accept: &Accept<'_>,
+    accept: Accept<'_>,
     random: &mut ChaCha8Rng,
 ) -> Result<LaidOut> {
-    /// Places tried for each object before the heap is given up.
+    /// Falls tried for each object before the heap is given up, and places that each may begin from.
     const TRIES: usize = 6;
+    const STARTS: usize = 10;
     /// What moves farther than this in a fifth of a second is about to roll away, metres.
     const ROLLING_M: f64 = 0.015;
     let region = &scene.objects;
@@ -310,26 +346,23 @@ fn stack(
         }
         let laid_before = world.object_count();
         let mut laid = Err(String::new());
-        for attempt in 0..TRIES {
-            let rotation = orientation(model, heap.lying_fraction, random);
-            let (below, radius) = reach(model, &rotation);
-            let [x, y] = match laid_before {
-                0 => somewhere(region, heap.patch, random),
-                _ => against(world, random.random_range(0..laid_before), radius, region, heap.patch, random),
-            };
-            // Just above whatever lies there, so that it is laid down and does not fall.
-            let top = world.highest_point_near(x, y, radius).max(scene.table.height);
-            let place = Translation3::new(x, y, top + below + DROP_M);
-            let pose = Pose::new(Isometry3::from_parts(place, rotation));
-            if attempt == 0 {
+        for _ in 0..TRIES {
+            // What would not do if it lay alone there is not worth the fall.
+            let start = (0..STARTS).find_map(|_| {
+                let [alone, on_top] = start(world, laid_before, model, scene, heap, random);
+                laid = (accept.glance)(&[(model.clone(), alone)]);
+                laid.is_ok().then_some(on_top)
+            });
+            let Some(pose) = start else { continue };
+            if world.object_count() == laid_before {
                 world.add_object(model.clone(), &pose)?;
             } else {
-                world.put(world.object_count() - 1, &pose);
+                world.put(laid_before, &pose);
             }
             let at_rest = calm(world, FALL_S, FALLEN_S);
             laid = match astray(world, scene) {
                 Some(reason) => Err(reason),
-                None if at_rest || world.drift(FALLEN_S) < ROLLING_M => accept(&world.placed()),
+                None if at_rest || world.drift(FALLEN_S) < ROLLING_M => (accept.glance)(&world.placed()),
                 None => Err(format!("{} rolls about", model.info.name)),
             };
             if laid.is_ok() {

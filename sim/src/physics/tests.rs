@@ -6,7 +6,7 @@ use std::sync::Arc;
 use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
 
 use super::world::{STEP_HZ, World};
-use super::{Grip, Stop, drop_objects};
+use super::{Accept, Grip, Stop, drop_objects};
 use crate::condition::{Placement, Stacked};
 use crate::mesh::{Material, Mesh, Visual};
 use crate::objects::{ObjectInfo, ObjectLibrary, ObjectModel, ObjectSet};
@@ -68,14 +68,11 @@ fn object(geometry: Convex, half: [f64; 3], mass_kg: f64, friction: f64) -> Arc<
         })
     });
     let mesh = Mesh { positions: corners.collect(), ..Mesh::default() };
-    Arc::new(ObjectModel {
-        info: ObjectInfo { mass_kg, friction, ..toml::from_str(INFO).unwrap() },
-        visual: Arc::new(Visual { mesh: Arc::new(mesh), material: Material::default() }),
-        collision: vec![CollisionShape { pose: Isometry3::identity(), geometry }],
-        min: Point3::new(-x, -y, -z),
-        max: Point3::new(x, y, z),
-        diameter: 2.0 * (x * x + y * y + z * z).sqrt(),
-    })
+    Arc::new(ObjectModel::new(
+        ObjectInfo { mass_kg, friction, ..toml::from_str(INFO).unwrap() },
+        Visual { mesh: Arc::new(mesh), material: Material::default() },
+        vec![CollisionShape { pose: Isometry3::identity(), geometry }],
+    ))
 }
 
 const INFO: &str = r#"
@@ -328,7 +325,7 @@ fn heaps_laid_in_thick_air_stand_in_the_real_world() {
         let real = || World::new(&scene, robot.clone(), &config, q.clone());
         let fresh = || real().map(World::for_layout);
         let (laid, _) =
-            drop_objects(&scene, &models, Placement::Stacked(heap), seed, &|_| Ok(()), fresh).unwrap();
+            drop_objects(&scene, &models, Placement::Stacked(heap), seed, Accept::ALL, fresh).unwrap();
         let mut world = real().unwrap();
         for (model, pose) in laid.placed() {
             world.add_object(model, &pose).unwrap();

@@ -322,10 +322,10 @@ impl World {
         self.boxes(index).map(|(low, _)| low[2]).fold(f64::INFINITY, f64::min)
     }
 
-    /// Highest point of any object's collision solid within `radius` of (x, y), above the floor, metres; by the bounding
-    /// boxes of its pieces. Minus infinity where there is none.
-    pub fn highest_point_near(&self, x: f64, y: f64, radius: f64) -> f64 {
-        (0..self.objects.len())
+    /// Highest point of the collision solids of the first `count` objects within `radius` of (x, y), above the floor,
+    /// metres; by the bounding boxes of their pieces. Minus infinity where there is none.
+    pub(super) fn highest_point_near(&self, x: f64, y: f64, radius: f64, count: usize) -> f64 {
+        (0..count)
             .flat_map(|index| self.boxes(index))
             .filter(|(low, high)| {
                 let away = |at: f64, axis: usize| (low[axis] - at).max(at - high[axis]).max(0.0);

@@ -63,9 +63,7 @@ pub(super) struct GpuMesh {
 }
 
 /// How far the coarse surface may be from the fine one, metres: a third of a pixel at 0.6 m.
-const COARSE_ERROR: f32 = 0.0004;
-/// Meshes of fewer triangles keep all of them.
-const FEW_TRIANGLES: usize = 400;
+const COARSE_ERROR: f64 = 0.0004;
 
 /// Everything uploaded so far. It holds the `Arc`s, so that an address is never used twice.
 pub(super) struct Cache {
@@ -176,40 +174,24 @@ fn upload<V: Pod>(gpu: &Gpu, vertices: &[V], indices: &[u32]) -> Triangles {
 /// The surface with as few triangles as [`COARSE_ERROR`] allows. The first vertex of each triangle belongs to it alone and
 /// has its normal.
 fn coarse(mesh: &Mesh) -> (Vec<FlatVertex>, Vec<u32>) {
-    // Vertices that differ in normal or texture alone are one: else seams would hold the surface fast.
-    let mut welded: Vec<[f32; 3]> = Vec::new();
-    let mut numbers: HashMap<[u32; 3], u32> = HashMap::new();
-    let mut number = |i: u32| {
-        let p: [f32; 3] = mesh.positions[i as usize].coords.into();
-        *numbers.entry(p.map(f32::to_bits)).or_insert_with(|| {
-            welded.push(p);
-            welded.len() as u32 - 1
-        })
-    };
-    let mut indices: Vec<u32> = mesh.triangles.as_flattened().iter().map(|&i| number(i)).collect();
-    if mesh.triangles.len() >= FEW_TRIANGLES {
-        let options = meshopt::SimplifyOptions::ErrorAbsolute;
-        indices = meshopt::simplify_decoder(&indices, &welded, 0, COARSE_ERROR, options, None);
-    }
-
+    let Mesh { positions, mut triangles, .. } = mesh.simplified(COARSE_ERROR);
     let mut vertices: Vec<FlatVertex> =
-        welded.iter().map(|&position| FlatVertex { position, normal: [0.0; 3] }).collect();
+        positions.iter().map(|p| FlatVertex { position: p.coords.into(), normal: [0.0; 3] }).collect();
     let mut taken = vec![false; vertices.len()];
-    for corners in indices.as_chunks_mut::<3>().0 {
-        let [a, b, c] = corners.map(|i| Vector3::from(welded[i as usize]));
+    for corners in &mut triangles {
+        let [a, b, c] = corners.map(|i| Vector3::from(vertices[i as usize].position));
         let normal = (b - a).cross(&(c - a)).try_normalize(0.0).unwrap_or_default();
         if let Some(free) = corners.iter().position(|&i| !taken[i as usize]) {
             corners.rotate_left(free);
             taken[corners[0] as usize] = true;
         } else {
             vertices.push(vertices[corners[0] as usize]);
-            welded.push(welded[corners[0] as usize]);
             taken.push(true);
             corners[0] = vertices.len() as u32 - 1;
         }
         vertices[corners[0] as usize].normal = normal.into();
     }
-    (vertices, indices)
+    (vertices, triangles.into_flattened())
 }
 
 /// Uploads all levels; white where there is no picture.
