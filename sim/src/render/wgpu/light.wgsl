@@ -137,18 +137,18 @@ fn lit(light: Light, spiral: vec2f, point: vec3f, normal: vec3f) -> f32 {
         blockers += select(0.0, 1.0, blocker > 0.0);
         blocker_sum += blocker;
     }
-    if blockers == 0.0 {
-        return 1.0;
-    }
-    let width = light.radius * max(blocker_sum / blockers - inverse, 0.0) * scale;
+    // Not an early return: software adapters walk through what a pixel does not need, but not through loops that none of
+    // a block of pixels needs.
+    let taps = select(SHADOW_TAPS, 0, blockers == 0.0);
+    let width = light.radius * max(blocker_sum / max(blockers, 1.0) - inverse, 0.0) * scale;
     let radius = max(min(width, search), 1.2);
-    var open = 0.0;
-    for (var i = 0; i < SHADOW_TAPS; i++) {
+    var shaded = 0.0;
+    for (var i = 0; i < taps; i++) {
         let blocker = blocker_at(light, receiver, direction * (radius * sqrt((f32(i) + 0.5) / f32(SHADOW_TAPS))));
         direction = turn(direction);
-        open += select(1.0, 0.0, blocker > 0.0);
+        shaded += select(0.0, 1.0, blocker > 0.0);
     }
-    return open / f32(SHADOW_TAPS);
+    return 1.0 - shaded / f32(SHADOW_TAPS);
 }
 
 struct Surface {

@@ -17,12 +17,10 @@ const NEAR = 0.02;
 fn fs_smooth(@builtin(position) clip: vec4f) -> @location(0) vec4f {
     let at = vec2i(clip.xy);
     let last = vec2i(textureDimensions(seen_depth)) - 1;
-    let here = textureLoad(color, at, 0);
-    if textureLoad(prepared, at, 0).y < 0.5 {
-        return here;
-    }
-    var sum = here;
-    for (var s = 0; s < 3; s++) {
+    var sum = textureLoad(color, at, 0);
+    // No early return, see light.wgsl.
+    let samples = select(0, 3, textureLoad(prepared, at, 0).y > 0.5);
+    for (var s = 0; s < samples; s++) {
         let wanted = textureLoad(sample_surface, at, s, 0).x;
         // 0 where nothing is hit, as in the depth image.
         let buffer = textureLoad(sample_depth, at, s, 0);
@@ -45,5 +43,5 @@ fn fs_smooth(@builtin(position) clip: vec4f) -> @location(0) vec4f {
         }
         sum += textureLoad(color, best, 0);
     }
-    return 0.25 * sum;
+    return sum / f32(samples + 1);
 }
