@@ -118,6 +118,12 @@ impl World {
         parameters.normalized_contact_recycle_distance = 0.005;
         // Nothing falls far enough to pass through the table within a step.
         parameters.max_ccd_substeps = 0;
+        // The hand has nothing to do.
+        for finger in &self.robot.fingers {
+            if let Some(body) = self.physics.bodies.get_mut(finger.body) {
+                body.set_body_type(RigidBodyType::Fixed, false);
+            }
+        }
         self.for_layout = true;
         self
     }
