@@ -4,10 +4,10 @@
 //! read-out adds its own; gain multiplies signal and noise alike. So a dark room gives a picture that is dim and noisy.
 
 use rand_chacha::ChaCha8Rng;
-use rand_distr::{Distribution, StandardNormal};
 use rayon::prelude::*;
 
 use super::RowStreams;
+use super::normal::normal;
 use crate::condition::{Condition, ExposureLimits};
 use crate::images::{RadianceImage, RgbImage};
 use crate::render::Lighting;
@@ -124,23 +124,26 @@ impl ColorSensor {
         let electrons_per_nit = (self.electrons_per_nit_second * exposure.time_s) as f32;
         let full_well = self.full_well as f32;
         let read_variance = (self.read_noise * self.read_noise) as f32;
-        let scale = (exposure.gain / self.full_well) as f32;
         let levels = self.levels as f32;
+        let codes_per_electron = (exposure.gain / self.full_well) as f32 * levels;
+        // What each code of the converter becomes, by channel.
+        let encoded =
+            white.map(|white| (0..=self.levels as u32).map(|code| encode_8bit(code as f32 / levels * white)).collect());
+        let encoded: [Vec<u8>; 3] = encoded;
         let streams = RowStreams::new(rng);
         let mut pixels = vec![0_u8; 3 * width * height];
         pixels.par_chunks_mut(3 * width).enumerate().for_each(|(v, row)| {
             let mut rng = streams.row(v);
-            let light = blurred_row(radiance, v, self.spread as f32);
-            for (pixel, light) in row.as_chunks_mut::<3>().0.iter_mut().zip(light) {
-                for c in 0..3 {
-                    let electrons = (light[c] * electrons_per_nit).clamp(0.0, full_well);
-                    // Poisson, by its normal limit: exact enough from ten electrons on, and read noise hides the rest.
-                    let normal: f32 = StandardNormal.sample(&mut rng);
-                    let noisy = electrons + normal * (electrons + read_variance).sqrt();
-                    // Rounded; below zero all is black.
-                    let code = ((noisy * scale * levels).max(0.0) + 0.5).min(levels) as u32 as f32;
-                    pixel[c] = encode_8bit(code / levels * white[c]);
-                }
+            let mut signal = blurred_row(radiance, v, self.spread as f32);
+            for signal in signal.as_flattened_mut() {
+                let electrons = (*signal * electrons_per_nit).clamp(0.0, full_well);
+                // Poisson, by its normal limit: exact enough from ten electrons on, and read noise hides the rest.
+                let noisy = electrons + normal(&mut rng) * (electrons + read_variance).sqrt();
+                // To be rounded; below zero all is black.
+                *signal = (noisy * codes_per_electron + 0.5).clamp(0.0, levels);
+            }
+            for (pixel, signal) in row.as_chunks_mut::<3>().0.iter_mut().zip(signal) {
+                *pixel = [0, 1, 2].map(|c| encoded[c][signal[c] as usize]);
             }
         });
         let black = || RgbImage::new(width as u32, height as u32);
@@ -171,11 +174,15 @@ fn blurred_row(radiance: &RadianceImage, v: usize, spread: f32) -> Vec<[f32; 3]>
     let (width, height) = (radiance.width(), radiance.height());
     let row = |v: usize| &radiance.data()[v * width..(v + 1) * width];
     let mix = |a: [f32; 3], b: [f32; 3], c: [f32; 3]| -> [f32; 3] {
-        std::array::from_fn(|i| b[i] + spread * (a[i] - 2.0 * b[i] + c[i]))
+        [0, 1, 2].map(|i| b[i] + spread * (a[i] - 2.0 * b[i] + c[i]))
     };
     let (above, here, below) = (row(v.saturating_sub(1)), row(v), row((v + 1).min(height - 1)));
-    let column: Vec<[f32; 3]> = (0..width).map(|u| mix(above[u], here[u], below[u])).collect();
-    (0..width).map(|u| mix(column[u.saturating_sub(1)], column[u], column[(u + 1).min(width - 1)])).collect()
+    // With a copy of the first and the last pixel beyond the ends.
+    let mut column = Vec::with_capacity(width + 2);
+    column.push(mix(above[0], here[0], below[0]));
+    column.extend(above.iter().zip(here).zip(below).map(|((a, b), c)| mix(*a, *b, *c)));
+    column.push(column[width]);
+    column.windows(3).map(|w| mix(w[0], w[1], w[2])).collect()
 }
 
 #[cfg(test)]

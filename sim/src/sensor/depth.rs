@@ -7,11 +7,11 @@ mod carmine;
 mod handa;
 
 use rand_chacha::ChaCha8Rng;
-use rand_distr::{Distribution, StandardNormal};
 use rayon::prelude::*;
 
 pub use self::carmine::{Carmine109, DepthRange};
 use super::RowStreams;
+use super::normal::normal;
 use crate::camera::Intrinsics;
 use crate::error::{Error, Result};
 use crate::images::{DepthImage, Image};
@@ -140,10 +140,6 @@ fn each_pixel(
         }
     });
     image
-}
-
-fn normal(rng: &mut ChaCha8Rng) -> f32 {
-    StandardNormal.sample(rng)
 }
 
 /// The pixel that (u, v) sees after a normal shift of `sigma` pixels each way, kept inside the image.

@@ -3,6 +3,7 @@
 pub mod color;
 pub mod depth;
 pub mod lens;
+mod normal;
 
 use rand::RngExt;
 use rand::SeedableRng;

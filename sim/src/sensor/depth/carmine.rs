@@ -18,11 +18,12 @@ use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 
-use super::{normal, shifted};
+use super::shifted;
 use crate::camera::Intrinsics;
 use crate::images::{DepthImage, Image};
 use crate::render::Rendering;
 use crate::sensor::RowStreams;
+use crate::sensor::normal::normal;
 
 /// Distances at which the sensor reads.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -156,7 +157,8 @@ fn projector_light(row: &[f32], shift: f32) -> Vec<bool> {
     let cells = row.len() + 2 * margin as usize;
     let cell = |u: usize, z: f32| {
         let column = u as f32 - shift / z.max(NEAREST) + margin;
-        (column.round().max(0.0) as usize).min(cells - 1)
+        // Rounded; the conversion stops at 0.
+        ((column + 0.5) as usize).min(cells - 1)
     };
     let mut first = vec![f32::INFINITY; cells];
     let mut before: Option<(usize, f32)> = None;

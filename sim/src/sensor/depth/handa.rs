@@ -3,8 +3,9 @@
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 
-use super::{each_pixel, normal};
+use super::each_pixel;
 use crate::images::{DepthImage, Image};
+use crate::sensor::normal::normal;
 
 /// Focal length in pixels times baseline in metres.
 const FOCAL_BASELINE: f32 = 480.0 * 0.075;
@@ -134,7 +135,7 @@ mod tests {
             for centimetre in -10..=10 {
                 let z = z + 0.01 * centimetre as f32;
                 for _ in 0..2000 {
-                    let read = super::quantise(z, super::normal(&mut rng) / 6.0);
+                    let read = super::quantise(z, normal(&mut rng) / 6.0);
                     let steps = 351.3 / f64::from(read) - 351.3 / f64::from(z);
                     sum += steps;
                     squares += steps * steps;
