@@ -114,7 +114,7 @@ impl World {
         self.step_hz = STEP_HZ / 3;
         let parameters = &mut self.physics.integration_parameters;
         parameters.dt = 1.0 / self.step_hz as f32;
-        parameters.num_solver_iterations /= 2;
+        parameters.num_solver_iterations /= 4;
         parameters.normalized_contact_recycle_distance = 0.005;
         // Nothing falls far enough to pass through the table within a step.
         parameters.max_ccd_substeps = 0;

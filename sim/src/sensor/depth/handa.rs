@@ -135,7 +135,7 @@ mod tests {
             for centimetre in -10..=10 {
                 let z = z + 0.01 * centimetre as f32;
                 for _ in 0..2000 {
-                    let read = super::quantise(z, normal(&mut rng) / 6.0);
+                    let read = super::quantise(z, super::normal(&mut rng) / 6.0);
                     let steps = 351.3 / f64::from(read) - 351.3 / f64::from(z);
                     sum += steps;
                     squares += steps * steps;
