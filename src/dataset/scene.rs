@@ -32,6 +32,10 @@ use crate::setup::Setup;
 /// Least share of an object's silhouette that must be seen, and that must lie inside the picture.
 const LEAST_VISIBLE: f64 = 0.1;
 const LEAST_INSIDE: f64 = 0.6;
+/// Least share of what is seen of an object that must be as far away as depth cameras need it, metres: nobody sets up a
+/// scene that the camera cannot read. (The Carmine reads from 0.35 m on.)
+const LEAST_READ: f64 = 0.6;
+const NEAREST_M: f32 = 0.36;
 
 /// Where the time of a scene went.
 #[derive(Debug, Default, Clone, Copy)]
@@ -254,8 +258,7 @@ impl Making<'_> {
                 .map(|outline| distorted(lens, outline).map(Rc::new))
                 .collect::<Result<_>>()?;
         }
-        let camera_from_object =
-            (0..models.len()).map(|i| camera_from_world * world.truth(i)).collect();
+        let camera_from_object = (0..models.len()).map(|i| camera_from_world * world.truth(i)).collect();
         Ok(Layout { scene: (self.show)(&world), world_from_camera, camera_from_object, outlines })
     }
 
@@ -342,8 +345,11 @@ struct Glance {
     camera_from_world: Pose<Camera, WorldFrame>,
     pinhole: Intrinsics,
     /// Outlines of the objects where they last were: in a growing heap most of them have not moved since.
-    known: RefCell<HashMap<*const ObjectModel, (Pose<WorldFrame, Object>, Option<Rc<Silhouette>>)>>,
+    known: RefCell<HashMap<*const ObjectModel, Outline>>,
 }
+
+/// Where an object was, and what was seen of it.
+type Outline = (Pose<WorldFrame, Object>, Option<Rc<Silhouette>>);
 
 impl Glance {
     /// How many times smaller than the real picture.
@@ -358,7 +364,8 @@ impl Glance {
             Some((before, outline)) if before == pose => outline.clone(),
             _ => {
                 let camera_from_object = self.camera_from_world * *pose;
-                let outline = render::silhouette(model.rough(), &camera_from_object, &self.pinhole).map(Rc::new);
+                let outline =
+                    render::silhouette(model.rough(), &camera_from_object, &self.pinhole).map(Rc::new);
                 known.insert(Arc::as_ptr(model), (*pose, outline.clone()));
                 outline
             }
@@ -392,16 +399,22 @@ fn outlines(
         }
         outlines.push(outline);
     }
-    let mut seen = vec![0_usize; outlines.len()];
-    for (_, nearest) in front.data() {
-        if let Some(count) = seen.get_mut(*nearest) {
-            *count += 1;
+    // Pixels that are seen of each object, and those of them that are far enough away.
+    let mut counts = vec![(0_usize, 0_usize); outlines.len()];
+    for (inverse, nearest) in front.data() {
+        if let Some((seen, read)) = counts.get_mut(*nearest) {
+            *seen += 1;
+            *read += usize::from(inverse * NEAREST_M < 1.0);
         }
     }
-    for ((outline, seen), (model, _)) in outlines.iter().zip(seen).zip(placed) {
+    for ((outline, (seen, read)), (model, _)) in outlines.iter().zip(counts).zip(placed) {
+        let name = &model.info.name;
         let all = outline.mask.data().iter().filter(|&&covered| covered).count();
         if (seen as f64) < LEAST_VISIBLE * all as f64 {
-            return Err(format!("only {seen} of {all} pixels of {} are seen", model.info.name));
+            return Err(format!("only {seen} of {all} pixels of {name} are seen"));
+        }
+        if (read as f64) < LEAST_READ * seen as f64 {
+            return Err(format!("{name} is too near for a depth camera"));
         }
     }
     Ok(outlines)
