@@ -25,6 +25,8 @@ pub(super) const COS: TextureFormat = TextureFormat::R32Float;
 pub(super) const COLOR: TextureFormat = TextureFormat::Rgba16Float;
 /// Depth buffers.
 pub(super) const DEPTH_BUFFER: TextureFormat = TextureFormat::Depth32Float;
+/// Depth buffers of lights, in steps of a few hundredths of a millimetre between its nearest and its farthest object.
+pub(super) const SHADOW_DEPTH: TextureFormat = TextureFormat::Depth16Unorm;
 
 /// Square root of linear colour, and roughness.
 pub(super) const ALBEDO: TextureFormat = TextureFormat::Rgba8Unorm;
@@ -111,7 +113,7 @@ impl Pipelines {
 
         let writes = |format: TextureFormat| Some(ColorTargetState::from(format));
         // The camera's depth buffer is reversed (1 near, 0 at infinity): even precision at all distances.
-        let nearer = Some((CompareFunction::Greater, true));
+        let nearer = Some((DEPTH_BUFFER, CompareFunction::Greater));
         let drawn = Stage {
             label: "geometry",
             module: &geometry,
@@ -135,7 +137,7 @@ impl Pipelines {
                     fragment: None,
                     groups: &[Some(&view_group)],
                     targets: &[],
-                    depth: Some((CompareFunction::Less, true)),
+                    depth: Some((SHADOW_DEPTH, CompareFunction::Less)),
                     constants: &[],
                 },
             ),
@@ -250,9 +252,9 @@ fn pipeline(device: &Device, stage: &Stage<'_>) -> RenderPipeline {
         },
         // Both sides are drawn, so that open meshes (a sheet, a bin) have an inside.
         primitive: PrimitiveState::default(),
-        depth_stencil: stage.depth.map(|(compare, write)| DepthStencilState {
-            format: DEPTH_BUFFER,
-            depth_write_enabled: Some(write),
+        depth_stencil: stage.depth.map(|(format, compare)| DepthStencilState {
+            format,
+            depth_write_enabled: Some(true),
             depth_compare: Some(compare),
             stencil: Default::default(),
             bias: Default::default(),
@@ -295,8 +297,8 @@ struct Stage<'a> {
     fragment: Option<&'a str>,
     groups: &'a [Option<&'a BindGroupLayout>],
     targets: &'a [Option<ColorTargetState>],
-    /// Comparison with the depth buffer, and whether it is written.
-    depth: Option<(CompareFunction, bool)>,
+    /// The depth buffer, and what passes it.
+    depth: Option<(TextureFormat, CompareFunction)>,
     /// Values of the fragment shader's `override` declarations.
     constants: &'a [(&'a str, f64)],
 }

@@ -8,7 +8,9 @@ use wgpu::{
 
 use super::device::Gpu;
 use super::failed;
-use super::pipelines::{ALBEDO, COLOR, COS, DEPTH, DEPTH_BUFFER, NORMAL, PREPARED, Pipelines, SURFACE, bind};
+use super::pipelines::{
+    ALBEDO, COLOR, COS, DEPTH, DEPTH_BUFFER, NORMAL, PREPARED, Pipelines, SHADOW_DEPTH, SURFACE, bind,
+};
 use crate::error::Result;
 
 /// Rows in a copy start at multiples of this many bytes (`COPY_BYTES_PER_ROW_ALIGNMENT`).
@@ -169,7 +171,7 @@ impl ShadowMaps {
             mip_level_count: 1,
             sample_count: 1,
             dimension: TextureDimension::D2,
-            format: DEPTH_BUFFER,
+            format: SHADOW_DEPTH,
             usage: TextureUsages::RENDER_ATTACHMENT | TextureUsages::TEXTURE_BINDING,
             view_formats: &[],
         });
