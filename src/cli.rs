@@ -179,6 +179,13 @@ pub struct EstimateArgs {
     /// false ones each), `clusters` (what stands on the support), `none`, or a .json file of detections in COCO's format.
     #[arg(long, default_value = "clusters", value_name = "gt|jittered|clusters|none|FILE")]
     pub boxes: String,
+    /// Who estimates.
+    #[arg(long, value_enum, default_value_t = EstimatorChoice::Grip)]
+    pub estimator: EstimatorChoice,
+    /// Settings of the estimator that are not to be its defaults, a JSON file such as {"samples": 100}; the settings in use
+    /// are in the summary of --json.
+    #[arg(long, value_name = "FILE")]
+    pub settings: Option<PathBuf>,
     /// Seed of everything random.
     #[arg(long, default_value_t = 1)]
     pub seed: u64,
@@ -194,6 +201,17 @@ pub struct EstimateArgs {
     /// Print a summary as JSON.
     #[arg(long)]
     pub json: bool,
+}
+
+/// The second stages.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum EstimatorChoice {
+    /// Ours.
+    Grip,
+    /// The filter of the GRIP paper to the letter; 400 iterations take minutes an image.
+    Paper,
+    /// The same with guards that the paper leaves out, without which it does not converge.
+    PaperGuarded,
 }
 
 /// `grip eval`.

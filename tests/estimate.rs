@@ -122,4 +122,48 @@ fn poses_are_the_same_on_any_number_of_threads_and_after_a_stop_and_their_errors
     let output = grip(&["estimate", set.to_str().unwrap(), "--boxes", "guess", "--out", "x.csv"]);
     assert_eq!(code(&output), 2);
     assert!(stderr(&output).contains("--boxes guess"), "{}", stderr(&output));
+
+    // The paper's filter, by other settings than the published ones.
+    let settings = folder.path().join("settings.json");
+    let paper = |text: &str, jobs: &str, out: &str| {
+        std::fs::write(&settings, text).unwrap();
+        let out = folder.path().join(out);
+        let paths = [&set, &settings, &out].map(|path| path.to_str().unwrap());
+        let [set, settings, out_text] = paths;
+        let output = grip(&[
+            "estimate",
+            set,
+            "--settings",
+            settings,
+            "--out",
+            out_text,
+            "--boxes",
+            "gt",
+            "--jobs",
+            jobs,
+            "--estimator",
+            "paper-guarded",
+            "--json",
+        ]);
+        (out, output)
+    };
+    let (one, output) = paper(r#"{"samples": 60, "iterations": 20}"#, "1", "paper-1.csv");
+    assert_eq!(code(&output), 0, "{}", stderr(&output));
+    let summary: serde_json::Value = serde_json::from_str(&stdout(&output)).unwrap();
+    let used = &summary["settings"]["settings"];
+    assert_eq!((&used["samples"], &used["keep_best"]), (&60.into(), &true.into()));
+    let (four, _) = paper(r#"{"samples": 60, "iterations": 20}"#, "4", "paper-4.csv");
+    assert_eq!(poses(&one), poses(&four));
+    for (text, expected) in [
+        (r#"{"sample": 60}"#, "unknown field `sample`"),
+        (r#"{"samples": "many"}"#, "samples: invalid type"),
+        (r#"{"samples": 0}"#, "setting samples = 0: 1 to 100000"),
+        (r#"{"alpha_b": 0.5}"#, "with a sum of 1"),
+        ("60", "not settings of this estimator"),
+    ] {
+        let (out, output) = paper(text, "1", "paper-bad.csv");
+        assert_eq!(code(&output), 2, "{text}");
+        assert!(stderr(&output).contains(expected), "{text}: {}", stderr(&output));
+        assert!(!out.exists());
+    }
 }

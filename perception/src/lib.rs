@@ -5,6 +5,7 @@
 //!    nothing is thresholded. [`Clusters`] needs no training; [`WholeImage`] says nothing.
 //! 2. A [`PoseEstimator`] generates pose hypotheses there, renders each as a depth image, weighs it against the
 //!    observed one and keeps what explains it: [`GripEstimator`] returns a [`PosePosterior`] for each object.
+//!    [`PaperEstimator`] is the published method to the letter, for comparison.
 //!
 //! [`metrics`] compares poses. This crate sees camera frames and object models only: `grip-sim` is built without its
 //! `physics` feature here, so the truth is out of reach.
@@ -24,6 +25,6 @@ pub use detector::{Detection, Detections, Detector, WholeImage, Workspace};
 pub use error::{Error, Result};
 pub use estimator::PoseEstimator;
 pub use footprint::Footprint;
-pub use grip::{GripEstimator, GripSettings, SearchLevel};
+pub use grip::{Centre, GripEstimator, GripSettings, Holes, PaperEstimator, PaperSettings, SearchLevel};
 pub use plane::{Plane, PlaneSettings, Support, fit_support_plane};
 pub use posterior::PosePosterior;

@@ -3,14 +3,19 @@
 use std::time::Instant;
 
 use anyhow::{Context, Result};
-use grip_perception::{ClusterSettings, Clusters, GripEstimator, GripSettings, PlaneSettings};
+use grip_perception::{
+    ClusterSettings, Clusters, GripEstimator, GripSettings, PaperEstimator, PaperSettings, PlaneSettings,
+    PoseEstimator,
+};
 use grip_sim::bop::Dataset;
 use indicatif::{ProgressBar, ProgressStyle};
+use serde::Serialize;
+use serde::de::DeserializeOwned;
 use serde_json::{Value, json};
 
 use super::Done;
 use crate::benchmark::{Boxes, Estimated, Run};
-use crate::cli::EstimateArgs;
+use crate::cli::{EstimateArgs, EstimatorChoice};
 use crate::output;
 
 /// Writes the results file.
@@ -24,19 +29,19 @@ pub fn run(args: &EstimateArgs) -> Result<Done> {
     };
     let clusters = Clusters::new(ClusterSettings { plane: plane.clone(), ..ClusterSettings::default() });
     let boxes = Boxes::open(&args.boxes, clusters)?;
-    let settings = GripSettings { plane: Some(plane), ..GripSettings::default() };
+    let (estimator, settings) = estimator(args, plane)?;
     let described = json!({
         "dataset": args.dataset,
         "split": dataset.split(),
         "boxes": args.boxes,
         "seed": args.seed,
-        "estimator": &settings,
+        "estimator": estimator.name(),
+        "settings": settings,
     });
-    let estimator = GripEstimator::new(settings)?;
     let run = Run {
         dataset: &dataset,
         boxes: &boxes,
-        estimator: &estimator,
+        estimator: &*estimator,
         seed: args.seed,
         settings: described.to_string(),
     };
@@ -49,6 +54,41 @@ pub fn run(args: &EstimateArgs) -> Result<Done> {
     progress.finish_and_clear();
     report(args, &described, &estimated?, began.elapsed().as_secs_f64())?;
     Ok(Done::Fully)
+}
+
+/// The estimator that was asked for, and its settings.
+fn estimator(args: &EstimateArgs, plane: PlaneSettings) -> Result<(Box<dyn PoseEstimator>, Value)> {
+    match args.estimator {
+        EstimatorChoice::Grip => {
+            let settings = changed(GripSettings { plane: Some(plane), ..GripSettings::default() }, args)?;
+            let shown = json!(&settings);
+            Ok((Box::new(GripEstimator::new(settings)?), shown))
+        }
+        EstimatorChoice::Paper | EstimatorChoice::PaperGuarded => {
+            let settings = match args.estimator {
+                EstimatorChoice::PaperGuarded => {
+                    PaperSettings { plane: Some(plane), ..PaperSettings::guarded() }
+                }
+                _ => PaperSettings::default(),
+            };
+            let settings = changed(settings, args)?;
+            let shown = json!(&settings);
+            Ok((Box::new(PaperEstimator::new(settings)?), shown))
+        }
+    }
+}
+
+/// `settings` with those fields that the file of `--settings` has.
+fn changed<T: Serialize + DeserializeOwned>(settings: T, args: &EstimateArgs) -> Result<T> {
+    let Some(path) = &args.settings else { return Ok(settings) };
+    let text = std::fs::read_to_string(path).with_context(|| format!("--settings {}", path.display()))?;
+    let wrong = || format!("--settings {}: not settings of this estimator", path.display());
+    let changes: serde_json::Map<String, Value> = serde_json::from_str(&text).with_context(wrong)?;
+    let mut value = serde_json::to_value(settings)?;
+    for (name, change) in changes {
+        value[&name] = change;
+    }
+    serde_path_to_error::deserialize(value).with_context(wrong)
 }
 
 fn report(args: &EstimateArgs, settings: &Value, estimated: &Estimated, wall_s: f64) -> Result<()> {

@@ -5,12 +5,13 @@
 //!
 //! DIFFERENCE to the paper: hypotheses are pulled towards the data by Gauss-Newton steps before they are weighed, weights
 //! are tempered, resolution goes from coarse to fine, and independent restarts replace hundreds of iterations. The
-//! principle, generate and weigh by rendering, is the same.
+//! principle, generate and weigh by rendering, is the same. `paper` is the method without these differences.
 
 mod joint;
 mod lanes;
 mod lod;
 mod observation;
+mod paper;
 mod propose;
 mod raster;
 mod refine;
@@ -32,6 +33,7 @@ use grip_sim::rng;
 use nalgebra::{Isometry3, Vector3};
 use rayon::prelude::*;
 
+pub use self::paper::{Centre, Holes, PaperEstimator, PaperSettings};
 pub use self::settings::{GripSettings, SearchLevel};
 
 use self::lod::{Model, ModelCache, directions};
@@ -107,11 +109,7 @@ impl PoseEstimator for GripEstimator {
         let models: Vec<Arc<Model>> =
             objects.par_iter().map(|object| self.models.get(object, &counts)).collect::<Result<_>>()?;
         let observation = Observation::new(frame, &self.settings);
-        // Two of the same kind draw from two streams, or they would be the same search.
-        let stream = |i: usize| {
-            let before = models[..i].iter().filter(|m| m.name == models[i].name).count();
-            format!("grip/{}/{before}", models[i].name)
-        };
+        let stream = |i: usize| stream("grip", &models, i);
         let mut results: Vec<(Option<Found>, f64)> = (0..models.len())
             .into_par_iter()
             .map(|i| self.search(&models[i], &observation, detections, seed, &stream(i)))
@@ -164,8 +162,34 @@ impl GripEstimator {
     }
 }
 
-/// Weights, spreads and confidence of what a search found.
+/// The random stream of object `index`: two of the same kind draw from two streams, or they would be the same search.
+fn stream(estimator: &str, models: &[Arc<Model>], index: usize) -> String {
+    let name = &models[index].name;
+    let before = models[..index].iter().filter(|m| m.name == *name).count();
+    format!("{estimator}/{name}/{before}")
+}
+
+/// Weights and confidence of what a search found.
 fn posterior(model: &Model, found: Option<Found>, seconds: f64, settings: &GripSettings) -> PosePosterior {
+    let score = found.as_ref().map_or(0.0, |found| f64::from(found.best.score));
+    let presence = 1.0 / (1.0 + (-(score - settings.presence_score) / settings.presence_scale).exp());
+    // One restart that nobody confirms is worth half.
+    let confirmed = found.as_ref().is_some_and(|found| found.agreeing >= 2 || settings.max_restarts == 1);
+    let confidence = if confirmed { presence } else { 0.5 * presence };
+    let weights = found
+        .as_ref()
+        .map_or_else(Vec::new, |found| weights(&found.population, settings.posterior_temperature));
+    belief(model, found, weights, confidence, seconds)
+}
+
+/// What is believed after a search; `weights` are those of the population.
+fn belief(
+    model: &Model,
+    found: Option<Found>,
+    weights: Vec<f64>,
+    confidence: f64,
+    seconds: f64,
+) -> PosePosterior {
     let Some(found) = found else {
         // No hypothesis could be drawn, so nothing is known: a point at the camera with no confidence.
         return PosePosterior {
@@ -181,19 +205,14 @@ fn posterior(model: &Model, found: Option<Found>, seconds: f64, settings: &GripS
             seconds,
         };
     };
-    let weights = weights(&found.population, settings.posterior_temperature);
     let (position_std_m, rotation_std_rad) = spread(model, &found, &weights);
-    let score = f64::from(found.best.score);
-    let presence = 1.0 / (1.0 + (-(score - settings.presence_score) / settings.presence_scale).exp());
-    // One restart that nobody confirms is worth half.
-    let agreement = if found.agreeing >= 2 || settings.max_restarts == 1 { 1.0 } else { 0.5 };
     let typed = |h: &Hypothesis| Pose::new(widened(&h.pose));
     PosePosterior {
         object: model.name.clone(),
         best: typed(&found.best),
         particles: found.population.iter().map(typed).zip(weights).collect(),
-        score,
-        confidence: presence * agreement,
+        score: f64::from(found.best.score),
+        confidence,
         position_std_m,
         rotation_std_rad,
         restarts: found.restarts,

@@ -18,7 +18,7 @@ use super::refine::{accumulate, accumulate_body, step};
 use super::score::{compare, compare_body};
 use super::settings::GripSettings;
 
-fn model(positions: Vec<Point3<f32>>, triangles: Vec<[u32; 3]>) -> Model {
+pub(super) fn model(positions: Vec<Point3<f32>>, triangles: Vec<[u32; 3]>) -> Model {
     let info = ObjectInfo {
         name: "thing".into(),
         bop_id: 1,

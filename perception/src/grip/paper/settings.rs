@@ -1,0 +1,190 @@
+//! Settings of the method as published, with where each is published.
+
+use serde::{Deserialize, Serialize};
+
+use crate::error::{Error, Result};
+use crate::plane::PlaneSettings;
+
+/// What a neighbour without a point adds to the smoothness of a surface; the paper does not say.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Holes {
+    /// Nothing: it is no neighbour. The literal reading: the sum is over points.
+    Skip,
+    /// A point at the camera, as an empty pixel of a point cloud image often is: outlines become edges.
+    Origin,
+}
+
+/// Where the centre of a hypothesis must project to.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Centre {
+    /// Anywhere. The literal reading.
+    Anywhere,
+    /// Into the image.
+    Image,
+    /// Into its box.
+    Box,
+}
+
+/// Settings of [`super::super::PaperEstimator`]. The default is the published method, read literally; section and equation
+/// numbers are those of Chen et al. 2019.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct PaperSettings {
+    /// Samples an object (Implementation: 625).
+    pub samples: usize,
+    /// Most iterations (Implementation: 400).
+    pub iterations: usize,
+    /// Weight of the best sample at which iterations end (w-bar: 0.9).
+    pub converged: f32,
+    /// Inlier distance, metres (epsilon: 0.005).
+    pub epsilon_m: f64,
+    /// Weights of the terms of W (alpha: 0.1, 0.1, 0.3, 0.25, 0.25): confidence of the box,
+    pub alpha_box: f32,
+    /// inliers in the box,
+    pub alpha_b: f32,
+    /// all inliers,
+    pub alpha_r: f32,
+    /// edge inliers,
+    pub alpha_e: f32,
+    /// planar inliers.
+    pub alpha_p: f32,
+    /// Standard deviations of the diffusion at the start, metres (sigma_T: 0.07)
+    pub sigma_m: f32,
+    /// and radians (sigma_R: 0.3).
+    pub sigma_rad: f32,
+    /// Weight of the best sample at which the diffusion begins to shrink (0.6),
+    pub decay_from: f32,
+    /// and the exponent of its decay (5).
+    pub decay_exponent: i32,
+    /// Logarithm of the smoothness from which a point is an edge (-5.5).
+    pub edge_ln_c: f32,
+    /// Side of the windows in which features are limited, pixels (5).
+    pub window: usize,
+    /// Most edge points a window (5).
+    pub window_edges: usize,
+    /// Most planar points a window (2).
+    pub window_planes: usize,
+    /// OPEN in the paper: half the side of the neighbourhood N of a point, pixels.
+    pub neighbours: usize,
+    /// OPEN in the paper: neighbours without a point.
+    pub holes: Holes,
+    /// OPEN in the paper: the chance, each iteration, that a sample's box is drawn anew among all boxes ("diffused
+    /// uniformly within the image").
+    pub box_jump: f64,
+    /// Triangles of the model that is rendered.
+    pub triangles: usize,
+
+    // What the paper does not have, or does not tell; the defaults leave it out.
+    /// Samples are drawn in proportion to W to this power (1).
+    pub resampling_exponent: f32,
+    /// Whether the best sample survives as it is (false).
+    pub keep_best: bool,
+    /// Samples that cover fewer pixels weigh nothing (0).
+    pub min_pixels: usize,
+    /// Where a sample's centre must be, or it weighs nothing (anywhere).
+    pub centre: Centre,
+    /// With a support plane, points on it are nobody's inliers; `null` for none.
+    pub plane: Option<PlaneSettings>,
+}
+
+impl Default for PaperSettings {
+    fn default() -> Self {
+        Self {
+            samples: 625,
+            iterations: 400,
+            converged: 0.9,
+            epsilon_m: 0.005,
+            alpha_box: 0.1,
+            alpha_b: 0.1,
+            alpha_r: 0.3,
+            alpha_e: 0.25,
+            alpha_p: 0.25,
+            sigma_m: 0.07,
+            sigma_rad: 0.3,
+            decay_from: 0.6,
+            decay_exponent: 5,
+            edge_ln_c: -5.5,
+            window: 5,
+            window_edges: 5,
+            window_planes: 2,
+            neighbours: 2,
+            holes: Holes::Skip,
+            box_jump: 1.0,
+            triangles: 1000,
+            resampling_exponent: 1.0,
+            keep_best: false,
+            min_pixels: 0,
+            centre: Centre::Anywhere,
+            plane: None,
+        }
+    }
+}
+
+impl PaperSettings {
+    /// The published method with the guards without which it does not converge on cluttered tables: see the fields' docs.
+    #[must_use]
+    pub fn guarded() -> Self {
+        Self {
+            resampling_exponent: 4.0,
+            keep_best: true,
+            min_pixels: 40,
+            centre: Centre::Box,
+            box_jump: 0.0,
+            plane: Some(PlaneSettings::default()),
+            ..Self::default()
+        }
+    }
+
+    /// Refuses values that the filter cannot work with.
+    pub(crate) fn check(&self) -> Result<()> {
+        let bad = |name, value: String, message: &str| {
+            Err(Error::Setting { name, value, message: message.to_owned() })
+        };
+        let counts = [
+            ("samples", self.samples, 1, 100_000),
+            ("iterations", self.iterations, 1, 100_000),
+            ("window", self.window, 1, 64),
+            ("window_edges", self.window_edges, 0, 4096),
+            ("window_planes", self.window_planes, 0, 4096),
+            ("neighbours", self.neighbours, 1, 16),
+            ("triangles", self.triangles, 4, 100_000),
+        ];
+        for (name, count, least, most) in counts {
+            if !(least..=most).contains(&count) {
+                return bad(name, count.to_string(), &format!("{least} to {most}"));
+            }
+        }
+        if !(1e-4..0.1).contains(&self.epsilon_m) {
+            return bad(
+                "epsilon_m",
+                self.epsilon_m.to_string(),
+                "metres, 0.0001 to 0.1; the paper has 0.005",
+            );
+        }
+        let alphas = [self.alpha_box, self.alpha_b, self.alpha_r, self.alpha_e, self.alpha_p];
+        let sum: f32 = alphas.iter().sum();
+        if alphas.iter().any(|a| !(0.0..=1.0).contains(a)) || (sum - 1.0).abs() > 1e-3 {
+            return bad("alpha_*", format!("{alphas:?}"), "each 0 to 1, with a sum of 1");
+        }
+        let ranges = [
+            ("converged", self.converged, 0.0, 10.0),
+            ("sigma_m", self.sigma_m, 0.0, 10.0),
+            ("sigma_rad", self.sigma_rad, 0.0, 10.0),
+            ("decay_from", self.decay_from, 0.0, 0.999),
+            ("edge_ln_c", self.edge_ln_c, -50.0, 10.0),
+            ("box_jump", self.box_jump as f32, 0.0, 1.0),
+            ("resampling_exponent", self.resampling_exponent, 0.0, 100.0),
+        ];
+        for (name, value, least, most) in ranges {
+            if !(least..=most).contains(&value) {
+                return bad(name, value.to_string(), &format!("{least} to {most}"));
+            }
+        }
+        if !(0..=100).contains(&self.decay_exponent) {
+            return bad("decay_exponent", self.decay_exponent.to_string(), "0 to 100; the paper has 5");
+        }
+        Ok(())
+    }
+}
