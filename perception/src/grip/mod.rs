@@ -173,8 +173,10 @@ fn stream(estimator: &str, models: &[Arc<Model>], index: usize) -> String {
 fn posterior(model: &Model, found: Option<Found>, seconds: f64, settings: &GripSettings) -> PosePosterior {
     let score = found.as_ref().map_or(0.0, |found| f64::from(found.best.score));
     let presence = 1.0 / (1.0 + (-(score - settings.presence_score) / settings.presence_scale).exp());
-    // One restart that nobody confirms is worth half.
-    let confirmed = found.as_ref().is_some_and(|found| found.agreeing >= 2 || settings.max_restarts == 1);
+    // One restart that nobody confirms is worth half, unless it is sure.
+    let confirmed = found.as_ref().is_some_and(|found| {
+        found.agreeing >= 2 || settings.max_restarts == 1 || found.best.score >= settings.sure_score
+    });
     let confidence = if confirmed { presence } else { 0.5 * presence };
     let weights = found
         .as_ref()

@@ -1,5 +1,5 @@
 //! What the camera saw, prepared once a frame for all hypotheses of all objects: inverse depth, tolerance, plane weight
-//! and silhouette evidence at strides 1, 2 and 4.
+//! and silhouette evidence at strides 1, 2, 4 and 8.
 
 use grip_sim::camera::Intrinsics;
 use grip_sim::frame::CameraFrame;
@@ -11,7 +11,7 @@ use crate::detector::is_reading;
 use crate::plane::{Plane, Support, fit_support_plane};
 
 /// The strides that are prepared.
-pub(crate) const STRIDES: [usize; 3] = [1, 2, 4];
+pub(crate) const STRIDES: [usize; 4] = [1, 2, 4, 8];
 /// Readings in a block that are farther than this from each other belong to two surfaces, metres.
 const BLOCK_SPREAD: f32 = 0.015;
 /// Depth edges are looked for across holes of up to this many pixels: the projector's shadow of a near object.
@@ -89,8 +89,11 @@ impl Observation {
                     };
                     let taken = match level.stride {
                         1 => at(u / 2, v / 2),
-                        2 => at(u, v),
-                        _ => (0..4).filter(|i| at(2 * u + i % 2, 2 * v + i / 2)).count() >= 2,
+                        stride => {
+                            let side = stride / 2;
+                            let marked = |i: &usize| at(side * u + i % side, side * v + i / side);
+                            2 * (0..side * side).filter(marked).count() >= side * side
+                        }
                     };
                     if taken {
                         let i = level.index(u as i32, v as i32);

@@ -32,6 +32,13 @@ pub(crate) struct BoxPrior {
     points: Vec<Vector3<f32>>,
 }
 
+impl BoxPrior {
+    /// Depths of the observed points in it, metres.
+    pub fn depths(&self) -> impl Iterator<Item = f32> {
+        self.points.iter().map(|p| p.z)
+    }
+}
+
 /// The boxes of one object with the observed points in each. Without any box the whole image is one.
 pub(crate) fn box_priors(detections: &[Detection], observation: &Observation) -> Vec<BoxPrior> {
     let k = &observation.intrinsics;

@@ -52,6 +52,8 @@ pub(crate) struct Search<'a> {
     settings: &'a GripSettings,
     raster: Raster,
     rendered: usize,
+    /// Pixels across the object, about.
+    side_px: f32,
 }
 
 impl<'a> Search<'a> {
@@ -63,10 +65,23 @@ impl<'a> Search<'a> {
         settings: &'a GripSettings,
     ) -> Self {
         let plane = observation.plane.map(|p| (p.normal.into_inner().cast(), p.offset as f32));
-        Self { model, observation, boxes, plane, settings, raster: Raster::default(), rendered: 0 }
+        let mut depths: Vec<f32> = boxes.iter().flat_map(BoxPrior::depths).collect();
+        depths.sort_by(f32::total_cmp);
+        let depth = depths.get(depths.len() / 2).copied().unwrap_or(1.0);
+        let side_px = 2.0 * model.radius * observation.intrinsics.fx as f32 / depth;
+        Self { model, observation, boxes, plane, settings, raster: Raster::default(), rendered: 0, side_px }
     }
 
-    /// Restarts until the best score was reached twice at the same place.
+    /// The stride of a level for this object.
+    fn stride(&self, level: &SearchLevel) -> usize {
+        let mut stride = level.stride;
+        while stride > 1 && self.side_px / (stride as f32) < self.settings.least_side_px {
+            stride /= 2;
+        }
+        stride
+    }
+
+    /// Restarts until one is sure, or the best score was reached twice at the same place.
     pub fn run<R: Rng>(&mut self, rng: &mut R) -> Option<Found> {
         let mut ends: Vec<Hypothesis> = Vec::new();
         let mut population = Vec::new();
@@ -84,7 +99,7 @@ impl<'a> Search<'a> {
             ends.push(end);
             let hopeless = ends.len() >= HOPELESS_RESTARTS
                 && best.is_none_or(|b| b.score < self.settings.hopeless_score);
-            if agreed || hopeless {
+            if agreed || hopeless || end.score >= self.settings.sure_score {
                 break;
             }
         }
@@ -130,12 +145,12 @@ impl<'a> Search<'a> {
     /// Moves and weighs every hypothesis of a level.
     fn advance(&mut self, population: &mut [Hypothesis], level: &SearchLevel) {
         let model = self.model;
-        let lod = model.lod(level.triangles);
+        let (lod, stride) = (model.lod(level.triangles), self.stride(level));
         for h in population.iter_mut() {
             for _ in 0..level.steps {
-                h.pose = self.moved(lod, &h.pose, level.stride, level.kernel);
+                h.pose = self.moved(lod, &h.pose, stride, level.kernel);
             }
-            h.score = self.weigh(lod, &h.pose, level.stride, level.kernel);
+            h.score = self.weigh(lod, &h.pose, stride, level.kernel);
         }
         population.sort_by(|a, b| b.score.total_cmp(&a.score));
     }
