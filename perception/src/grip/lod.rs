@@ -35,6 +35,8 @@ pub(crate) struct Model {
     pub outline: Vec<Vector3<f32>>,
     /// Half of the diameter, metres.
     pub radius: f32,
+    /// Middle of the bounding box.
+    pub middle: Vector3<f32>,
     pub resting: Vec<Resting>,
 }
 
@@ -69,9 +71,11 @@ impl Model {
                 "the mesh reaches {radius} m from its origin; models must be in metres, between 1 mm and 10 m"
             )));
         }
+        let bound = |pick: fn(f32, f32) -> f32| points.iter().fold(points[0], |m, p| m.zip_map(p, pick));
+        let middle = (bound(f32::min) + bound(f32::max)) / 2.0;
         let centroid = volume_centroid(&positions, &triangles);
         let resting = resting_orientations(&hull, centroid);
-        Ok(Self { name, lods, hull, outline, radius, resting })
+        Ok(Self { name, lods, hull, outline, radius, middle, resting })
     }
 
     /// The coarsest mesh of at least `triangles`.

@@ -1,7 +1,7 @@
 //! The search for one object: levels of generate, move and weigh, restarted until two searches agree.
 
 use grip_sim::camera::Intrinsics;
-use nalgebra::{Isometry3, Translation3, Vector3};
+use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 use rand::Rng;
 use rand_distr::{Distribution, StandardNormal};
 
@@ -103,8 +103,9 @@ impl<'a> Search<'a> {
                 break;
             }
         }
-        let best = best?;
-        let agreeing = ends.iter().filter(|e| self.same(e, &best)).count();
+        let found = best?;
+        let agreeing = ends.iter().filter(|e| self.same(e, &found)).count();
+        let best = self.best_of_twins(found, &mut population);
         population.sort_by(|a, b| b.score.total_cmp(&a.score));
         Some(Found { best, population, restarts: ends.len(), agreeing, hypotheses: self.rendered })
     }
@@ -157,30 +158,50 @@ impl<'a> Search<'a> {
 
     /// The best few at full resolution; the others get their full-resolution scores for the posterior.
     fn polish(&mut self, mut population: Vec<Hypothesis>) -> Vec<Hypothesis> {
-        let model = self.model;
-        let (lod, settings) = (model.lod(FINAL_TRIANGLES), self.settings);
-        population.truncate(settings.finalists);
+        population.truncate(self.settings.finalists);
         for h in population.iter_mut() {
-            let mut best =
-                Hypothesis { pose: h.pose, score: self.weigh(lod, &h.pose, 1, settings.final_kernel) };
-            let mut pose = h.pose;
-            for _ in 0..settings.final_steps {
-                let before = pose;
-                pose = self.moved(lod, &pose, 1, settings.final_kernel);
-                let shift = (pose.translation.vector - before.translation.vector).norm();
-                let turn = pose.rotation.angle_to(&before.rotation) * self.model.radius;
-                if shift.max(turn) < CONVERGED_M {
-                    break;
-                }
-            }
-            let score = self.weigh(lod, &pose, 1, settings.final_kernel);
-            if score > best.score {
-                best = Hypothesis { pose, score };
-            }
-            *h = best;
+            *h = self.polished(&h.pose);
         }
         population.sort_by(|a, b| b.score.total_cmp(&a.score));
         population
+    }
+
+    /// A pose after Gauss-Newton steps at full resolution, or as it was if they did not help.
+    fn polished(&mut self, start: &Isometry3<f32>) -> Hypothesis {
+        let model = self.model;
+        let (lod, settings) = (model.lod(FINAL_TRIANGLES), self.settings);
+        let before = Hypothesis { pose: *start, score: self.weigh(lod, start, 1, settings.final_kernel) };
+        let mut pose = *start;
+        for _ in 0..settings.final_steps {
+            let last = pose;
+            pose = self.moved(lod, &pose, 1, settings.final_kernel);
+            let shift = (pose.translation.vector - last.translation.vector).norm();
+            let turn = pose.rotation.angle_to(&last.rotation) * model.radius;
+            if shift.max(turn) < CONVERGED_M {
+                break;
+            }
+        }
+        let after = Hypothesis { pose, score: self.weigh(lod, &pose, 1, settings.final_kernel) };
+        if after.score > before.score { after } else { before }
+    }
+
+    /// The best of `found` and what it is easily taken for: itself turned by half a turn about an axis of its frame. They go
+    /// to the population.
+    fn best_of_twins(&mut self, found: Hypothesis, population: &mut Vec<Hypothesis>) -> Hypothesis {
+        let mut best = found;
+        if !self.settings.twins {
+            return best;
+        }
+        let middle = Translation3::from(self.model.middle);
+        for axis in [Vector3::x_axis(), Vector3::y_axis(), Vector3::z_axis()] {
+            let half_turn = UnitQuaternion::from_axis_angle(&axis, std::f32::consts::PI);
+            let twin = self.polished(&(found.pose * middle * half_turn * middle.inverse()));
+            if twin.score > best.score {
+                best = twin;
+            }
+            population.push(twin);
+        }
+        best
     }
 
     /// One Gauss-Newton step; the same pose where it cannot be rendered.

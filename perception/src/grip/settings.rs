@@ -60,6 +60,9 @@ pub struct GripSettings {
     /// A restart that scores this much needs no other one to agree. (Of 120 first restarts in a data set of our own that scored
     /// 0.7 or more, 119 were within 1 cm.)
     pub sure_score: f32,
+    /// Whether the result is compared with itself turned by half a turn about each axis of the object: boxes and cans, whose
+    /// scores differ little then.
+    pub twins: bool,
     /// When the best of three restarts scores less, the object is not there: no more restarts, and no second search (a
     /// true pose scores over 0.5 nearly always, an absent object finds 0.25).
     pub hopeless_score: f32,
@@ -147,6 +150,7 @@ impl Default for GripSettings {
             final_kernel: 1.0,
             max_restarts: 8,
             sure_score: 0.75,
+            twins: true,
             hopeless_score: 0.25,
             fit_weight: 0.6,
             edge_weight: 0.4,
