@@ -154,37 +154,3 @@ fn finds_real_objects_from_mediocre_boxes() {
     let real = load(&root);
     check(&run(&real, &truth_boxes(&real, 1), settings(), 1, "true ones jittered 5 % and four false"));
 }
-
-/// Figures over seeds, for people. `cargo test --release -p grip-perception --test real_frame -- --ignored --nocapture`;
-/// settings from the environment variable `GRIP_SETTINGS` as JSON fields.
-#[test]
-#[ignore = "a measurement, not a test"]
-fn over_seeds() {
-    let Some(root) = common::data("ycbv-real-frame") else {
-        println!("SKIPPED: no shared/data/ycbv-real-frame");
-        return;
-    };
-    let real = load(&root);
-    let mut value = serde_json::to_value(settings()).unwrap();
-    let overrides: Value =
-        serde_json::from_str(&std::env::var("GRIP_SETTINGS").unwrap_or("{}".into())).unwrap();
-    for (key, x) in overrides.as_object().unwrap() {
-        value[key] = x.clone();
-    }
-    let settings: GripSettings = serde_json::from_value(value).unwrap();
-    let clusters = Clusters::new(ClusterSettings { plane: plane(), ..Default::default() });
-    let clustered = clusters.detect(&real.frame, &real.objects).unwrap();
-    let mut good = [0usize; 2];
-    let seeds = 6;
-    for seed in 0..seeds {
-        for (which, (detections, label)) in
-            [(clustered.clone(), "clusters"), (truth_boxes(&real, seed), "jittered truth")]
-                .into_iter()
-                .enumerate()
-        {
-            let errors = run(&real, &detections, settings.clone(), seed, label);
-            good[which] += errors.iter().filter(|e| **e < 0.01).count();
-        }
-    }
-    println!("under 1 cm: clusters {}/{}, jittered truth {}/{}", good[0], 5 * seeds, good[1], 5 * seeds);
-}

@@ -1,7 +1,7 @@
 //! Errors of estimates against the truth of a data set.
 
 use std::collections::btree_map::Entry;
-use std::collections::{BTreeMap, HashMap};
+use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::path::Path;
 
 use anyhow::{Context, Result};
@@ -19,6 +19,8 @@ use super::estimates::targets;
 pub const THRESHOLDS: [f64; 2] = [0.04, 0.1];
 /// An object is found when its error is less than this share of its diameter (Hinterstoisser 2012).
 const FOUND_SHARE: f64 = 0.1;
+/// The bootstrap draws whole scenes where there are at least as many.
+const FEWEST_SCENES: usize = 5;
 /// Draws of the bootstrap.
 const RESAMPLES: usize = 1000;
 
@@ -65,13 +67,13 @@ pub struct Figures {
     pub estimated: usize,
     /// Area under the accuracy-threshold curve of ADD-S up to 0.04 m and 0.1 m, 0 to 1.
     pub auc_adds: [f64; 2],
-    /// Bootstrap interval of the first, 95 %, images drawn.
+    /// Bootstrap interval of the first, 95 %, scenes drawn (images, of fewer than five).
     pub auc_adds_interval: [f64; 2],
     /// The same area for ADD.
     pub auc_add: [f64; 2],
     /// The same for ADD(-S): ADD-S for objects with symmetries, ADD for others.
     pub auc_add_or_adds: [f64; 2],
-    /// Bootstrap interval of the first, 95 %, images drawn.
+    /// Bootstrap interval of the first, 95 %, scenes drawn (images, of fewer than five).
     pub auc_add_or_adds_interval: [f64; 2],
     /// Share of instances with ADD(-S) under a tenth of the diameter.
     pub found: f64,
@@ -213,22 +215,24 @@ fn figures(cases: &[Case]) -> Figures {
     }
 }
 
-/// 95 % percentile bootstrap of the area up to the first threshold. Images are drawn, not instances, because the errors in
-/// one image depend on each other.
+/// 95 % percentile bootstrap of the area up to the first threshold. Scenes are drawn, not instances, because the errors in
+/// one scene depend on each other (four frames of ours show one layout). Images are drawn where scenes are too few.
 fn interval(cases: &[Case], error: impl Fn(&Case) -> f64) -> [f64; 2] {
-    let mut images: BTreeMap<(u32, u32), Vec<f64>> = BTreeMap::new();
+    let scenes: BTreeSet<u32> = cases.iter().map(|case| case.scene_id).collect();
+    let mut groups: BTreeMap<(u32, u32), Vec<f64>> = BTreeMap::new();
     for case in cases {
-        images.entry((case.scene_id, case.im_id)).or_default().push(error(case));
+        let image = if scenes.len() < FEWEST_SCENES { case.im_id } else { 0 };
+        groups.entry((case.scene_id, image)).or_default().push(error(case));
     }
-    let images: Vec<Vec<f64>> = images.into_values().collect();
-    if images.is_empty() {
+    let groups: Vec<Vec<f64>> = groups.into_values().collect();
+    if groups.is_empty() {
         return [0.0; 2];
     }
     let mut random = rng::stream(0, "bootstrap");
     let mut areas: Vec<f64> = (0..RESAMPLES)
         .map(|_| {
-            let drawn: Vec<f64> = (0..images.len())
-                .flat_map(|_| images[random.random_range(0..images.len())].clone())
+            let drawn: Vec<f64> = (0..groups.len())
+                .flat_map(|_| groups[random.random_range(0..groups.len())].clone())
                 .collect();
             auc(&drawn, THRESHOLDS[0])
         })

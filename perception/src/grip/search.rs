@@ -156,7 +156,7 @@ impl<'a> Search<'a> {
         population.sort_by(|a, b| b.score.total_cmp(&a.score));
     }
 
-    /// The best few at full resolution; the others get their full-resolution scores for the posterior.
+    /// The best few, moved and weighed at full resolution.
     fn polish(&mut self, mut population: Vec<Hypothesis>) -> Vec<Hypothesis> {
         population.truncate(self.settings.finalists);
         for h in population.iter_mut() {

@@ -127,10 +127,9 @@ impl ColorSensor {
         let levels = self.levels as f32;
         let codes_per_electron = (exposure.gain / self.full_well) as f32 * levels;
         // What each code of the converter becomes, by channel.
-        let encoded = white.map(|white| {
+        let encoded: [Vec<u8>; 3] = white.map(|white| {
             (0..=self.levels as u32).map(|code| encode_8bit(code as f32 / levels * white)).collect()
         });
-        let encoded: [Vec<u8>; 3] = encoded;
         let streams = RowStreams::new(rng);
         let mut pixels = vec![0_u8; 3 * width * height];
         pixels.par_chunks_mut(3 * width).enumerate().for_each(|(v, row)| {

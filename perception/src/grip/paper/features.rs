@@ -18,6 +18,18 @@ pub(super) struct Patch<'a> {
 }
 
 impl<'a> Patch<'a> {
+    /// All of a level.
+    pub fn whole(level: &'a Level) -> Self {
+        Self {
+            origin: [0, 0],
+            width: level.width,
+            height: level.height,
+            values: &level.w,
+            start: level.index(0, 0),
+            pitch: level.pitch,
+        }
+    }
+
     pub fn row(&self, y: usize) -> &'a [f32] {
         &self.values[self.start + y * self.pitch..][..self.width]
     }
@@ -165,16 +177,8 @@ pub(super) fn windows(
 
 /// The kind of each pixel of a whole level, at [`Level::index`].
 pub(super) fn observed(level: &Level, settings: &PaperSettings) -> Vec<u8> {
-    let patch = Patch {
-        origin: [0, 0],
-        width: level.width,
-        height: level.height,
-        values: &level.w,
-        start: level.index(0, 0),
-        pitch: level.pitch,
-    };
     let mut smoothness = Smoothness::default();
-    compute(&mut smoothness, patch, level, settings);
+    compute(&mut smoothness, Patch::whole(level), level, settings);
     let mut kinds = vec![NONE; level.w.len()];
     let mut window = Window::default();
     for rows in windows(0, level.height, settings.window) {

@@ -34,16 +34,8 @@ fn observation(frame: &CameraFrame, epsilon_m: f64) -> Observation {
 /// c^2 of a whole level.
 fn smoothness(observation: &Observation, settings: &PaperSettings) -> Vec<f32> {
     let level = observation.level(1);
-    let patch = Patch {
-        origin: [0, 0],
-        width: level.width,
-        height: level.height,
-        values: &level.w,
-        start: level.index(0, 0),
-        pitch: level.pitch,
-    };
     let mut smoothness = Smoothness::default();
-    compute(&mut smoothness, patch, level, settings);
+    compute(&mut smoothness, Patch::whole(level), level, settings);
     smoothness.squared
 }
 
@@ -165,7 +157,8 @@ fn weights_are_shares_of_inliers() {
     let right = weigh(0.0, 0.8, 0);
     assert_eq!((right.confidence, right.all, right.in_box), (0.5, 1.0, 1.0));
     assert_eq!(right.edges, 0.0);
-    assert!((right.planes - 0.5).abs() < 0.4, "{right:?}");
+    // Observed planar points are those at least two pixels inside.
+    assert!((right.planes - (11.0_f32 / 15.0).powi(2)).abs() < 0.05, "{right:?}");
     assert_eq!(weigh(0.0, 0.8, 2).in_box, 0.0);
     // Behind by more than epsilon, and out of the picture.
     assert_eq!(weigh(0.0, 0.81, 0).all, 0.0);
