@@ -16,6 +16,7 @@ mod error;
 mod estimator;
 mod footprint;
 mod grip;
+pub mod hypotheses;
 pub mod metrics;
 mod plane;
 mod posterior;

@@ -2,9 +2,8 @@
 
 use nalgebra::Isometry3;
 
-use super::lod::Model;
-use super::observation::Observation;
-use super::raster::{Raster, render};
+use super::model::Model;
+use crate::hypotheses::{Observation, Raster, render};
 
 /// Stride and triangles at which claims are drawn.
 const STRIDE: usize = 2;

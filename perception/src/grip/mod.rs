@@ -1,27 +1,21 @@
 //! GRIP's second stage: iterated likelihood weighting over rendered pose hypotheses, on the CPU.
 //!
-//! Read in this order: [`settings`](GripSettings), `observation` (the frame, prepared), `lod` (the models, prepared),
-//! `propose`, `raster`, `score`, `refine`, `search` (one object), `joint` (all of them).
+//! Read in this order: [`settings`](GripSettings), `model` (an object, prepared), `propose`, [`crate::hypotheses`] (renders,
+//! compares and moves them), `score`, `search` (one object), `joint` (all of them).
 //!
 //! DIFFERENCE to the paper: hypotheses are pulled towards the data by Gauss-Newton steps before they are weighed, weights
 //! are tempered, resolution goes from coarse to fine, and independent restarts replace hundreds of iterations. The
 //! principle, generate and weigh by rendering, is the same. `paper` is the method without these differences.
 
 mod joint;
-mod lanes;
-mod lod;
-mod observation;
+mod model;
 mod paper;
 mod propose;
-mod raster;
-mod refine;
 mod resample;
 mod resting;
 mod score;
 mod search;
 mod settings;
-#[cfg(test)]
-mod tests;
 
 use std::sync::Arc;
 use std::time::Instant;
@@ -36,13 +30,17 @@ use rayon::prelude::*;
 pub use self::paper::{Centre, Holes, PaperEstimator, PaperSettings};
 pub use self::settings::{GripSettings, SearchLevel};
 
-use self::lod::{Model, ModelCache, directions};
-use self::observation::Observation;
+pub(crate) use self::model::Model;
+#[cfg(test)]
+pub(crate) use self::score::score;
+
+use self::model::{ModelCache, directions};
 use self::propose::box_priors;
 use self::search::{FINAL_TRIANGLES, Found, Hypothesis, Search, reach};
 use crate::detector::{Detections, check_frame};
 use crate::error::Result;
 use crate::estimator::PoseEstimator;
+use crate::hypotheses::{Cpu, Observation};
 use crate::posterior::PosePosterior;
 
 /// Triangles at which the joint step draws, besides those of the levels.
@@ -86,7 +84,8 @@ impl GripEstimator {
         let start = Instant::now();
         let boxes = box_priors(detections.of(&model.name), observation);
         let mut rng = rng::stream(seed, stream);
-        let found = Search::new(model, observation, &boxes, &self.settings).run(&mut rng);
+        let found =
+            Search::new(model, observation, &boxes, &self.settings, &mut Cpu::default()).run(&mut rng);
         (found, start.elapsed().as_secs_f64())
     }
 }

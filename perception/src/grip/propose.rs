@@ -4,13 +4,12 @@ use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion, UnitVector3,
 use rand::{Rng, RngExt};
 use rand_distr::{Distribution, StandardNormal};
 
-use super::lod::Model;
-use super::observation::Observation;
-use super::raster::FlatPlane;
+use super::model::Model;
 use super::resample::gumbel_top;
 use super::search::to_camera_bounds;
 use super::settings::GripSettings;
 use crate::detector::{Detection, iou, sample_by};
+use crate::hypotheses::{FlatPlane, Observation};
 
 /// A box that covers more of the image says nothing about extent, and its overlap is not counted.
 const VAGUE_SHARE: f64 = 0.5;

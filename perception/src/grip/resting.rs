@@ -2,7 +2,7 @@
 
 use nalgebra::Vector3;
 
-use super::lod::directions;
+use super::model::directions;
 
 /// A resting orientation, up to a turn about the vertical.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -5,15 +5,13 @@ use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 use rand::Rng;
 use rand_distr::{Distribution, StandardNormal};
 
-use super::lod::{Lod, Model, directions};
-use super::observation::Observation;
+use super::model::{Model, directions};
 use super::propose::{BoxPrior, propose, small_rotation};
-use super::raster::{FlatPlane, Raster, render};
-use super::refine::{accumulate, step};
 use super::resample::{gumbel_top, systematic, temperature};
-use super::score::compare;
+use super::score::score;
 use super::settings::{GripSettings, SearchLevel};
 use crate::detector::iou;
+use crate::hypotheses::{Batch, Extent, FlatPlane, Hypotheses, Observation, Rendered};
 
 /// Directions in which two hulls are compared.
 const HULL_CHECKS: usize = 64;
@@ -50,7 +48,7 @@ pub(crate) struct Search<'a> {
     boxes: &'a [BoxPrior],
     plane: Option<FlatPlane>,
     settings: &'a GripSettings,
-    raster: Raster,
+    renderer: &'a mut dyn Hypotheses,
     rendered: usize,
     /// Pixels across the object, about.
     side_px: f32,
@@ -63,13 +61,14 @@ impl<'a> Search<'a> {
         observation: &'a Observation,
         boxes: &'a [BoxPrior],
         settings: &'a GripSettings,
+        renderer: &'a mut dyn Hypotheses,
     ) -> Self {
-        let plane = observation.plane.map(|p| (p.normal.into_inner().cast(), p.offset as f32));
+        let plane = observation.flat_plane();
         let mut depths: Vec<f32> = boxes.iter().flat_map(BoxPrior::depths).collect();
         depths.sort_by(f32::total_cmp);
         let depth = depths.get(depths.len() / 2).copied().unwrap_or(1.0);
         let side_px = 2.0 * model.radius * observation.intrinsics.fx as f32 / depth;
-        Self { model, observation, boxes, plane, settings, raster: Raster::default(), rendered: 0, side_px }
+        Self { model, observation, boxes, plane, settings, renderer, rendered: 0, side_px }
     }
 
     /// The stride of a level for this object.
@@ -140,49 +139,56 @@ impl<'a> Search<'a> {
                 self.advance(&mut population, level);
             }
         }
-        self.polish(population)
+        population.truncate(settings.finalists);
+        self.polished(population.iter().map(|h| h.pose).collect())
     }
 
     /// Moves and weighs every hypothesis of a level.
     fn advance(&mut self, population: &mut [Hypothesis], level: &SearchLevel) {
-        let model = self.model;
-        let (lod, stride) = (model.lod(level.triangles), self.stride(level));
-        for h in population.iter_mut() {
-            for _ in 0..level.steps {
-                h.pose = self.moved(lod, &h.pose, stride, level.kernel);
-            }
-            h.score = self.weigh(lod, &h.pose, stride, level.kernel);
+        let batch = Batch {
+            lod: self.model.lod(level.triangles),
+            stride: self.stride(level),
+            kernel: level.kernel,
+            steps: level.steps,
+            ..self.full_batch()
+        };
+        let mut poses: Vec<Isometry3<f32>> = population.iter().map(|h| h.pose).collect();
+        let scores = self.weigh(&batch, &mut poses);
+        for ((h, pose), score) in population.iter_mut().zip(poses).zip(scores) {
+            *h = Hypothesis { pose, score };
         }
         population.sort_by(|a, b| b.score.total_cmp(&a.score));
     }
 
-    /// The best few, moved and weighed at full resolution.
-    fn polish(&mut self, mut population: Vec<Hypothesis>) -> Vec<Hypothesis> {
-        population.truncate(self.settings.finalists);
-        for h in population.iter_mut() {
-            *h = self.polished(&h.pose);
+    /// Full resolution, no steps.
+    fn full_batch(&self) -> Batch<'a> {
+        Batch {
+            lod: self.model.lod(FINAL_TRIANGLES),
+            radius: self.model.radius,
+            observation: self.observation,
+            stride: 1,
+            kernel: self.settings.final_kernel,
+            steps: 0,
+            damping: self.settings.damping,
+            converged_m: 0.0,
         }
-        population.sort_by(|a, b| b.score.total_cmp(&a.score));
-        population
     }
 
-    /// A pose after Gauss-Newton steps at full resolution, or as it was if they did not help.
-    fn polished(&mut self, start: &Isometry3<f32>) -> Hypothesis {
-        let model = self.model;
-        let (lod, settings) = (model.lod(FINAL_TRIANGLES), self.settings);
-        let before = Hypothesis { pose: *start, score: self.weigh(lod, start, 1, settings.final_kernel) };
-        let mut pose = *start;
-        for _ in 0..settings.final_steps {
-            let last = pose;
-            pose = self.moved(lod, &pose, 1, settings.final_kernel);
-            let shift = (pose.translation.vector - last.translation.vector).norm();
-            let turn = pose.rotation.angle_to(&last.rotation) * model.radius;
-            if shift.max(turn) < CONVERGED_M {
-                break;
+    /// The poses after Gauss-Newton steps at full resolution, or as they were where these did not help; best first.
+    fn polished(&mut self, mut poses: Vec<Isometry3<f32>>) -> Vec<Hypothesis> {
+        let still = self.full_batch();
+        let before = self.weigh(&still, &mut poses.clone());
+        let mut out: Vec<Hypothesis> =
+            poses.iter().zip(before).map(|(&pose, score)| Hypothesis { pose, score }).collect();
+        let moving = Batch { steps: self.settings.final_steps, converged_m: CONVERGED_M, ..still };
+        let after = self.weigh(&moving, &mut poses);
+        for ((h, pose), score) in out.iter_mut().zip(poses).zip(after) {
+            if score > h.score {
+                *h = Hypothesis { pose, score };
             }
         }
-        let after = Hypothesis { pose, score: self.weigh(lod, &pose, 1, settings.final_kernel) };
-        if after.score > before.score { after } else { before }
+        out.sort_by(|a, b| b.score.total_cmp(&a.score));
+        out
     }
 
     /// The best of `found` and what it is easily taken for: itself turned by half a turn about an axis of its frame. They go
@@ -193,60 +199,36 @@ impl<'a> Search<'a> {
             return best;
         }
         let middle = Translation3::from(self.model.middle);
-        for axis in [Vector3::x_axis(), Vector3::y_axis(), Vector3::z_axis()] {
+        let turned = [Vector3::x_axis(), Vector3::y_axis(), Vector3::z_axis()].map(|axis| {
             let half_turn = UnitQuaternion::from_axis_angle(&axis, std::f32::consts::PI);
-            let twin = self.polished(&(found.pose * middle * half_turn * middle.inverse()));
-            if twin.score > best.score {
-                best = twin;
-            }
-            population.push(twin);
+            found.pose * middle * half_turn * middle.inverse()
+        });
+        let twins = self.polished(turned.to_vec());
+        if twins[0].score > best.score {
+            best = twins[0];
         }
+        population.extend(twins);
         best
     }
 
-    /// One Gauss-Newton step; the same pose where it cannot be rendered.
-    fn moved(&mut self, lod: &Lod, pose: &Isometry3<f32>, stride: usize, kernel: f32) -> Isometry3<f32> {
-        let level = self.observation.level(stride);
-        if render(&mut self.raster, lod, pose, level, self.plane.as_ref()).is_none() {
-            return *pose;
-        }
-        let radius = self.model.radius;
-        let sums = accumulate(&self.raster.tile, level, kernel, &pose.translation.vector, radius);
-        step(pose, &sums, radius, self.settings.damping)
-    }
-
-    /// The score of a pose; 0 for one that cannot be seen whole enough to be judged.
-    pub fn weigh(&mut self, lod: &Lod, pose: &Isometry3<f32>, stride: usize, kernel: f32) -> f32 {
-        self.rendered += 1;
-        let (settings, observation) = (self.settings, self.observation);
-        let level = observation.level(stride);
-        // The centre must be in the image: slivers at the border fit anything.
+    /// Moves poses as the batch says; their scores then, 0 for one that cannot be seen whole enough to be judged.
+    fn weigh(&mut self, batch: &Batch<'_>, poses: &mut [Isometry3<f32>]) -> Vec<f32> {
+        self.rendered += poses.len();
+        let Self { settings, observation, boxes, .. } = *self;
+        let rendered = self.renderer.advance(batch, poses);
         let k = &observation.intrinsics;
-        let centre = Vector3::from(pose.translation.vector);
-        match k.project(&nalgebra::Point3::from(centre.cast::<f64>())) {
-            Some(p) if p.x >= 0.0 && p.y >= 0.0 && p.x < k.width as f64 && p.y < k.height as f64 => {}
-            _ => return 0.0,
-        }
-        let Some(extent) = render(&mut self.raster, lod, pose, level, self.plane.as_ref()) else {
-            return 0.0;
+        let judged = |rendered: &Option<Rendered>, pose: &Isometry3<f32>| {
+            // The centre must be in the image: slivers at the border fit anything.
+            let centre = nalgebra::Point3::from(pose.translation.vector.cast::<f64>());
+            let seen = k.project(&centre).is_some_and(|p| {
+                (0.0..k.width as f64).contains(&p.x) && (0.0..k.height as f64).contains(&p.y)
+            });
+            let Some(Rendered { terms, extent }) = rendered.as_ref().filter(|_| seen) else { return 0.0 };
+            let support = box_support(boxes, extent, batch.stride, k);
+            let lowest = observation.plane.is_some().then_some(extent.lowest);
+            score(terms, settings, batch.stride, support, lowest)
         };
-        let terms = compare(&self.raster.tile, level, kernel);
-        let s = stride as f64;
-        let pixel = |x: f32, most: usize| (f64::from(x) * s + (s - 1.0) / 2.0).clamp(0.0, most as f64 - 1.0);
-        let bounds = [
-            pixel(extent.bounds[0], k.width),
-            pixel(extent.bounds[1], k.height),
-            pixel(extent.bounds[2], k.width),
-            pixel(extent.bounds[3], k.height),
-        ];
-        let support = self
-            .boxes
-            .iter()
-            .filter(|b| !b.vague)
-            .map(|b| b.confidence * iou(&b.bbox, &bounds))
-            .fold(0.0, f64::max);
-        let lowest = self.plane.is_some().then_some(extent.lowest);
-        terms.score(settings, stride, support as f32, lowest)
+        rendered.iter().zip(poses.iter()).map(|(r, pose)| judged(r, pose)).collect()
     }
 
     /// Whether two results are one: near in score, position and surface. Hulls are compared by their support functions,
@@ -260,6 +242,16 @@ impl<'a> Search<'a> {
                     < s.same_hull_m
             })
     }
+}
+
+/// The largest confidence times overlap of a box with what is rendered at a stride.
+fn box_support(boxes: &[BoxPrior], extent: &Extent, stride: usize, k: &Intrinsics) -> f32 {
+    let s = stride as f64;
+    let pixel = |x: f32, most: usize| (f64::from(x) * s + (s - 1.0) / 2.0).clamp(0.0, most as f64 - 1.0);
+    let [u0, v0, u1, v1] = extent.bounds;
+    let bounds = [pixel(u0, k.width), pixel(v0, k.height), pixel(u1, k.width), pixel(v1, k.height)];
+    let supports = boxes.iter().filter(|b| !b.vague).map(|b| b.confidence * iou(&b.bbox, &bounds));
+    supports.fold(0.0, f64::max) as f32
 }
 
 /// Triangles of the mesh that the final scores are made with.

@@ -2,9 +2,9 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::observation::STRIDES;
 use crate::detector::Workspace;
 use crate::error::{Error, Result};
+use crate::hypotheses::STRIDES;
 use crate::plane::PlaneSettings;
 
 /// One level of the search, coarse to fine: `samples` hypotheses, each moved by Gauss-Newton steps and weighed.

@@ -1,8 +1,7 @@
 //! Edge and planar points of a point cloud image (the paper's equation "c", after Zhang and Singh 2014).
 
 use super::settings::{Holes, PaperSettings};
-use crate::grip::lanes::per_machine;
-use crate::grip::observation::Level;
+use crate::hypotheses::{Level, per_machine};
 
 /// A part of an image of inverse depth: what [`Smoothness`] is computed of.
 #[derive(Clone, Copy)]

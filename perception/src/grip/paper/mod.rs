@@ -27,8 +27,7 @@ use rayon::prelude::*;
 pub use self::settings::{Centre, Holes, PaperSettings};
 
 use self::weight::{Likelihood, Scratch};
-use super::lod::{Model, ModelCache};
-use super::observation::Observation;
+use super::model::{Model, ModelCache};
 use super::propose::{small_rotation, uniform_rotation};
 use super::search::{Found, Hypothesis};
 use super::settings::GripSettings;
@@ -36,6 +35,7 @@ use super::{belief, stream};
 use crate::detector::{Detection, Detections, check_frame, sample_by};
 use crate::error::Result;
 use crate::estimator::PoseEstimator;
+use crate::hypotheses::Observation;
 use crate::posterior::PosePosterior;
 
 /// The particle filter of the paper.

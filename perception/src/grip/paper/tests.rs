@@ -7,7 +7,7 @@ use nalgebra::Point3;
 
 use super::features::{EDGE, PLANE, Patch, Smoothness, compute, observed};
 use super::*;
-use crate::grip::raster::{Raster, render};
+use crate::hypotheses::{Raster, render};
 
 /// The middle 64 x 48 pixels of a usual camera.
 const CAMERA: Intrinsics = Intrinsics { width: 64, height: 48, fx: 600.0, fy: 600.0, cx: 31.5, cy: 23.5 };
@@ -128,7 +128,7 @@ fn plate() -> Model {
     let corner = |x: f32, y: f32| Point3::new(x, y, 0.0);
     // Towards the camera is -z; seen from there counter-clockwise.
     let positions = vec![corner(-0.01, -0.01), corner(-0.01, 0.01), corner(0.01, 0.01), corner(0.01, -0.01)];
-    crate::grip::tests::model(positions, vec![[0, 1, 2], [0, 2, 3]])
+    crate::hypotheses::tests::model(positions, vec![[0, 1, 2], [0, 2, 3]])
 }
 
 #[test]

@@ -5,10 +5,7 @@ use nalgebra::Isometry3;
 use super::features::{EDGE, PLANE, Patch, Smoothness, compute, edge_threshold, windows};
 use super::settings::{Centre, PaperSettings};
 use crate::detector::Detection;
-use crate::grip::lanes::per_machine;
-use crate::grip::lod::Lod;
-use crate::grip::observation::Observation;
-use crate::grip::raster::{Raster, Tile, render};
+use crate::hypotheses::{Lod, Observation, Raster, Tile, per_machine, render};
 
 /// The terms of W of one hypothesis, each 0 to 1.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]

@@ -6,12 +6,13 @@ use grip_sim::frame::CameraFrame;
 use nalgebra::Point3;
 
 use super::lanes::LANES;
-use super::settings::GripSettings;
+use super::raster::FlatPlane;
 use crate::detector::is_reading;
+use crate::grip::GripSettings;
 use crate::plane::{Plane, Support, fit_support_plane};
 
 /// The strides that are prepared.
-pub(crate) const STRIDES: [usize; 4] = [1, 2, 4, 8];
+pub const STRIDES: [usize; 4] = [1, 2, 4, 8];
 /// Readings in a block that are farther than this from each other belong to two surfaces, metres.
 const BLOCK_SPREAD: f32 = 0.015;
 /// Depth edges are looked for across holes of up to this many pixels: the projector's shadow of a near object.
@@ -24,15 +25,22 @@ const EXPLAINED: f32 = 20.0;
 /// The frame at one resolution. Arrays are padded: row and column -1 exist, and at least [`LANES`] columns on the right,
 /// since rows are read in blocks.
 #[derive(Debug, Clone)]
-pub(crate) struct Level {
+pub struct Level {
+    /// Blocks of this side make a pixel.
     pub stride: usize,
+    /// Pixels a row,
     pub width: usize,
+    /// rows,
     pub height: usize,
+    /// and values a row of the arrays, padding included.
     pub pitch: usize,
-    /// Intrinsics of this resolution.
+    /// Intrinsics of this resolution: focal lengths
     pub fx: f32,
+    #[expect(missing_docs, reason = "with fx")]
     pub fy: f32,
+    /// and principal point, pixels.
     pub cx: f32,
+    #[expect(missing_docs, reason = "with cx")]
     pub cy: f32,
     /// Observed inverse depth, 1/m; 0 for no reading.
     pub w: Vec<f32>,
@@ -54,9 +62,11 @@ impl Level {
 
 /// The frame at all resolutions, and the plane in it.
 #[derive(Debug, Clone)]
-pub(crate) struct Observation {
+pub struct Observation {
     levels: Vec<Level>,
+    /// The support plane, if one was found.
     pub plane: Option<Plane>,
+    /// The camera at full resolution.
     pub intrinsics: Intrinsics,
 }
 
@@ -69,6 +79,11 @@ impl Observation {
         let levels =
             STRIDES.iter().map(|&stride| level(frame, stride, support.as_ref(), &edges, settings)).collect();
         Self { levels, plane: support.map(|s| s.plane), intrinsics: frame.intrinsics }
+    }
+
+    /// The support plane for the kernels.
+    pub fn flat_plane(&self) -> Option<FlatPlane> {
+        self.plane.map(|p| (p.normal.into_inner().cast(), p.offset as f32))
     }
 
     /// The level of a stride that is one of [`STRIDES`].

@@ -1,27 +1,17 @@
-//! Models prepared for rendering many hypotheses: simplified meshes, extreme points, resting orientations.
+//! Objects prepared for the filters: levels of detail, extreme points, resting orientations.
 
 use std::sync::{Arc, Mutex, PoisonError};
 
 use grip_sim::objects::ObjectModel;
-use meshopt::SimplifyOptions;
-use nalgebra::{Point3, Vector3};
+use nalgebra::Vector3;
 
-use super::lanes::{F8, LANES};
 use super::resting::{Resting, resting_orientations};
 use crate::error::{Error, Result};
+use crate::hypotheses::{Lod, simplify, weld};
 
 /// Directions in which extreme points are taken, for the hull and for quick bounds.
 const HULL_DIRECTIONS: usize = 96;
 const OUTLINE_DIRECTIONS: usize = 20;
-
-/// A simplified mesh, in blocks for the kernels.
-#[derive(Debug, Clone)]
-pub(crate) struct Lod {
-    /// Blocks of vertex coordinates `[x, y, z]` in the object frame, padded by repeating the last vertex.
-    pub blocks: Vec<[F8; 3]>,
-    /// Vertex indices, counter-clockwise from outside, ordered so that neighbours in the list face alike.
-    pub triangles: Vec<[u32; 3]>,
-}
 
 /// All that the filter needs to know of an object.
 #[derive(Debug)]
@@ -85,100 +75,6 @@ impl Model {
     }
 }
 
-/// Vertex positions and vertex indices of triangles.
-type Indexed = (Vec<[f32; 3]>, Vec<[u32; 3]>);
-
-/// Merges vertices of equal position (texture seams split them) and drops degenerate triangles; `None` for an index
-/// out of range.
-fn weld(positions: &[Point3<f32>], triangles: &[[u32; 3]]) -> Option<Indexed> {
-    // Adding zero makes -0.0 and 0.0 the same bits.
-    let key = |i: usize| positions[i].coords.map(|x| (x + 0.0).to_bits());
-    let mut order: Vec<usize> = (0..positions.len()).collect();
-    order.sort_by_key(|&i| (key(i).x, key(i).y, key(i).z, i));
-    let mut merged = vec![0u32; positions.len()];
-    let mut out: Vec<[f32; 3]> = Vec::new();
-    for (n, &i) in order.iter().enumerate() {
-        if n == 0 || key(order[n - 1]) != key(i) {
-            out.push(positions[i].coords.into());
-        }
-        merged[i] = out.len() as u32 - 1;
-    }
-    let mut kept = Vec::with_capacity(triangles.len());
-    for t in triangles {
-        let mut m = [0; 3];
-        for (a, &i) in m.iter_mut().zip(t) {
-            *a = *merged.get(i as usize)?;
-        }
-        if m[0] != m[1] && m[1] != m[2] && m[2] != m[0] {
-            kept.push(m);
-        }
-    }
-    Some((out, kept))
-}
-
-/// At most about `count` triangles: meshopt moves vertices as it collapses edges, which halves the error of keeping
-/// them in place.
-fn simplify(positions: &[[f32; 3]], triangles: &[[u32; 3]], count: usize) -> Lod {
-    let mut positions = positions.to_vec();
-    let mut indices: Vec<u32> = triangles.iter().flatten().copied().collect();
-    // The library aborts on a target above the number of indices.
-    let target = (3 * count).min(indices.len());
-    let kept = meshopt::simplify_with_update(
-        &mut indices,
-        &mut positions,
-        &mut [],
-        &[],
-        0,
-        None,
-        target,
-        1.0,
-        SimplifyOptions::None,
-        None,
-    );
-    // A mesh of tiny parts may collapse to nothing: keep it whole then.
-    if kept >= 3 {
-        indices.truncate(kept);
-    }
-    let mut faces: Vec<[u32; 3]> = indices.as_chunks::<3>().0.to_vec();
-    if signed_volume(&positions, &faces) < 0.0 {
-        for f in &mut faces {
-            f.swap(1, 2);
-        }
-    }
-    sort_by_normal(&positions, &mut faces, 0);
-    // Vertices in the order of first use.
-    let mut new = vec![u32::MAX; positions.len()];
-    let mut used: Vec<[f32; 3]> = Vec::new();
-    for i in faces.iter_mut().flatten() {
-        let slot = &mut new[*i as usize];
-        if *slot == u32::MAX {
-            *slot = used.len() as u32;
-            used.push(positions[*i as usize]);
-        }
-        *i = *slot;
-    }
-    let block = |vertices: &[[f32; 3]]| {
-        [0, 1, 2].map(|axis| {
-            let mut out = F8::ZERO;
-            for (i, value) in out.0.iter_mut().enumerate() {
-                *value = vertices[i.min(vertices.len() - 1)][axis];
-            }
-            out
-        })
-    };
-    Lod { blocks: used.chunks(LANES).map(block).collect(), triangles: faces }
-}
-
-fn signed_volume(positions: &[[f32; 3]], faces: &[[u32; 3]]) -> f32 {
-    faces
-        .iter()
-        .map(|f| {
-            let [a, b, c] = f.map(|i| Vector3::from(positions[i as usize]));
-            a.dot(&b.cross(&c))
-        })
-        .sum()
-}
-
 /// Centroid of the enclosed volume; of the box when the mesh encloses none.
 fn volume_centroid(positions: &[[f32; 3]], faces: &[[u32; 3]]) -> Vector3<f32> {
     let (mut sum, mut volume) = (Vector3::zeros(), 0.0f64);
@@ -195,28 +91,6 @@ fn volume_centroid(positions: &[[f32; 3]], faces: &[[u32; 3]]) -> Vector3<f32> {
     } else {
         Vector3::zeros()
     }
-}
-
-/// Splits at the median along the axis in which normals vary most, down to groups of 16: whole groups then face away.
-fn sort_by_normal(positions: &[[f32; 3]], faces: &mut [[u32; 3]], depth: usize) {
-    if faces.len() <= 16 || depth > 16 {
-        return;
-    }
-    let normal = |f: &[u32; 3]| {
-        let [a, b, c] = f.map(|i| Vector3::from(positions[i as usize]));
-        (b - a).cross(&(c - a)).try_normalize(0.0).unwrap_or_else(Vector3::zeros)
-    };
-    let n = faces.len() as f32;
-    let mean = faces.iter().fold(Vector3::zeros(), |s, f| s + normal(f)) / n;
-    let variance = faces.iter().fold(Vector3::zeros(), |s: Vector3<f32>, f| {
-        let d = normal(f) - mean;
-        s + d.component_mul(&d)
-    });
-    let axis = variance.imax();
-    faces.sort_by(|a, b| normal(a)[axis].total_cmp(&normal(b)[axis]));
-    let (left, right) = faces.split_at_mut(faces.len() / 2);
-    sort_by_normal(positions, left, depth + 1);
-    sort_by_normal(positions, right, depth + 1);
 }
 
 /// Evenly spread unit vectors (Fibonacci lattice).

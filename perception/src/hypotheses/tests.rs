@@ -11,14 +11,13 @@ use grip_sim::pose::Pose;
 use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
 use proptest::prelude::*;
 
-use super::lod::Model;
+use super::compare::{compare, compare_body};
 use super::observation::Observation;
 use super::raster::{Raster, render, render_body};
 use super::refine::{accumulate, accumulate_body, step};
-use super::score::{compare, compare_body};
-use super::settings::GripSettings;
+use crate::grip::{GripSettings, Model};
 
-pub(super) fn model(positions: Vec<Point3<f32>>, triangles: Vec<[u32; 3]>) -> Model {
+pub(crate) fn model(positions: Vec<Point3<f32>>, triangles: Vec<[u32; 3]>) -> Model {
     let info = ObjectInfo {
         name: "thing".into(),
         bop_id: 1,
@@ -108,7 +107,7 @@ fn score(model: &Model, pose: &Isometry3<f32>, observation: &Observation, stride
     let level = observation.level(stride);
     let mut raster = Raster::default();
     match render(&mut raster, model.lod(1000), pose, level, None) {
-        Some(_) => compare(&raster.tile, level, kernel).score(&settings(), stride, 0.0, None),
+        Some(_) => crate::grip::score(&compare(&raster.tile, level, kernel), &settings(), stride, 0.0, None),
         None => 0.0,
     }
 }

@@ -66,7 +66,7 @@ impl Tile {
 
 /// What the projection says before any pixel is drawn.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct Extent {
+pub struct Extent {
     /// Bounds of the projected vertices `[u0, v0, u1, v1]`, pixels of the level.
     pub bounds: [f32; 4],
     /// Height of the lowest vertex over the plane, metres.
@@ -82,7 +82,7 @@ pub(crate) struct Raster {
 }
 
 /// A plane for the kernels: normal and offset.
-pub(crate) type FlatPlane = (Vector3<f32>, f32);
+pub type FlatPlane = (Vector3<f32>, f32);
 
 per_machine! {
     /// Draws `lod` at camera-from-object `pose` into [`Raster::tile`]. `None`, and the tile is not to be used, when a part
@@ -97,7 +97,7 @@ per_machine! {
 }
 
 #[inline(always)]
-pub(super) fn render_body(
+pub(crate) fn render_body(
     raster: &mut Raster,
     lod: &Lod,
     pose: &Isometry3<f32>,
