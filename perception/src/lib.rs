@@ -20,6 +20,8 @@ pub mod hypotheses;
 pub mod metrics;
 mod plane;
 mod posterior;
+#[cfg(feature = "bench")]
+pub mod workbench;
 
 pub use clusters::{ClusterSettings, Clusters};
 pub use detector::{Detection, Detections, Detector, WholeImage, Workspace};

@@ -31,6 +31,10 @@ pub use self::paper::{Centre, Holes, PaperEstimator, PaperSettings};
 pub use self::settings::{GripSettings, SearchLevel};
 
 pub(crate) use self::model::Model;
+#[cfg(feature = "bench")]
+pub(crate) use self::paper::Prepared;
+#[cfg(feature = "bench")]
+pub(crate) use self::propose::small_rotation;
 #[cfg(test)]
 pub(crate) use self::score::score;
 

@@ -3,6 +3,9 @@
 //!
 //! Every version does the same operations in the same order, lane by lane, and none fuses multiply and add: results are
 //! the same to the bit on every x86-64.
+//!
+//! This is the one place with `unsafe` in this crate: calling a function that was compiled for instructions which were
+//! detected.
 
 use std::ops::{Add, AddAssign, Div, Mul, Sub};
 
@@ -116,25 +119,97 @@ impl AddAssign for F8 {
     }
 }
 
-/// Defines a function that runs `$body` compiled for AVX2 where the machine has it, else as the target's baseline.
-/// The body must be `#[inline(always)]` down to the leaves, or its callees stay at the baseline.
+/// A set of vector instructions that this machine has.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Isa(Set);
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Set {
+    Base,
+    #[cfg(target_arch = "x86_64")]
+    Avx2,
+    #[cfg(target_arch = "x86_64")]
+    Avx512,
+}
+
+impl Isa {
+    /// What every machine of the target has.
+    pub const BASE: Self = Self(Set::Base);
+
+    /// All that this machine has, the plainest first.
+    pub fn available() -> Vec<Self> {
+        let mut sets = vec![Self::BASE];
+        #[cfg(target_arch = "x86_64")]
+        {
+            use std::arch::is_x86_feature_detected as has;
+            if has!("avx2") {
+                sets.push(Self(Set::Avx2));
+            }
+            if has!("avx2") && has!("avx512f") && has!("avx512vl") && has!("avx512dq") && has!("avx512bw") {
+                sets.push(Self(Set::Avx512));
+            }
+        }
+        sets
+    }
+
+    /// The best that this machine has.
+    pub fn best() -> Self {
+        static BEST: std::sync::OnceLock<Isa> = std::sync::OnceLock::new();
+        *BEST.get_or_init(|| Self::available().pop().unwrap_or(Self::BASE))
+    }
+
+    pub(crate) fn set(self) -> Set {
+        self.0
+    }
+}
+
+impl Default for Isa {
+    fn default() -> Self {
+        Self::best()
+    }
+}
+
+impl std::fmt::Display for Isa {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(match self.0 {
+            Set::Base => "base",
+            #[cfg(target_arch = "x86_64")]
+            Set::Avx2 => "avx2",
+            #[cfg(target_arch = "x86_64")]
+            Set::Avx512 => "avx512",
+        })
+    }
+}
+
+/// Defines a function that runs `$body` compiled for a set of instructions. The body must be `#[inline(always)]` down to
+/// the leaves, or its callees stay at the baseline.
 macro_rules! per_machine {
     ($(#[$doc:meta])* $vis:vis fn $name:ident($($arg:ident: $type:ty),* $(,)?) -> $out:ty => $body:path) => {
         $(#[$doc])*
         #[inline]
-        $vis fn $name($($arg: $type),*) -> $out {
+        $vis fn $name(isa: $crate::hypotheses::Isa, $($arg: $type),*) -> $out {
             #[cfg(target_arch = "x86_64")]
             {
+                use $crate::hypotheses::lanes::Set;
                 #[target_feature(enable = "avx2")]
                 fn avx2($($arg: $type),*) -> $out {
                     $body($($arg),*)
                 }
-                if std::arch::is_x86_feature_detected!("avx2") {
-                    #[expect(unsafe_code, reason = "the feature that the callee is compiled for was just detected")]
-                    // SAFETY: AVX2 is available, and that is the only requirement of `avx2`.
-                    return unsafe { avx2($($arg),*) };
+                #[target_feature(enable = "avx2,avx512f,avx512vl,avx512dq,avx512bw")]
+                fn avx512($($arg: $type),*) -> $out {
+                    $body($($arg),*)
+                }
+                #[expect(unsafe_code, reason = "functions for instructions that not every machine has")]
+                match isa.set() {
+                    Set::Base => {}
+                    // SAFETY: an `Isa` of this kind is only made where the machine has AVX2, all that `avx2` requires.
+                    Set::Avx2 => return unsafe { avx2($($arg),*) },
+                    // SAFETY: likewise for the five sets that `avx512` requires.
+                    Set::Avx512 => return unsafe { avx512($($arg),*) },
                 }
             }
+            #[cfg(not(target_arch = "x86_64"))]
+            let _ = isa;
             $body($($arg),*)
         }
     };

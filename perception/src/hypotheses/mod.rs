@@ -5,24 +5,27 @@
 //! [`Hypotheses`] is what a search asks for; [`Cpu`] does it on one thread, since searches run in parallel.
 
 mod compare;
-mod lanes;
+pub(crate) mod lanes;
 mod lod;
 mod observation;
 mod raster;
 mod refine;
+#[cfg(test)]
+mod scalar;
 #[cfg(test)]
 pub(crate) mod tests;
 
 use nalgebra::Isometry3;
 
 pub use self::compare::Terms;
+pub use self::lanes::Isa;
 pub use self::lod::Lod;
 pub use self::observation::{Level, Observation, STRIDES};
 pub use self::raster::{Extent, FlatPlane};
 
 pub(crate) use self::lanes::per_machine;
 pub(crate) use self::lod::{simplify, weld};
-pub(crate) use self::raster::{Raster, Tile, render};
+pub(crate) use self::raster::{Raster, Tile, render_on};
 
 use self::compare::compare;
 use self::refine::{accumulate, step};
@@ -67,22 +70,32 @@ pub trait Hypotheses {
 /// Renders on the CPU, in one thread.
 #[derive(Debug, Default)]
 pub struct Cpu {
+    isa: Isa,
     raster: Raster,
     rendered: Vec<Option<Rendered>>,
+}
+
+impl Cpu {
+    /// With these instructions.
+    pub fn on(isa: Isa) -> Self {
+        Self { isa, ..Self::default() }
+    }
 }
 
 impl Hypotheses for Cpu {
     fn advance(&mut self, batch: &Batch<'_>, poses: &mut [Isometry3<f32>]) -> &[Option<Rendered>] {
         let Batch { lod, radius, observation, stride, kernel, .. } = *batch;
+        let isa = self.isa;
         let (level, plane) = (observation.level(stride), observation.flat_plane());
         self.rendered.clear();
         for pose in poses {
             for _ in 0..batch.steps {
                 // Where nothing can be rendered, nothing pulls.
-                if render(&mut self.raster, lod, pose, level, None).is_none() {
+                if render_on(isa, &mut self.raster, lod, pose, level, None).is_none() {
                     break;
                 }
-                let sums = accumulate(&self.raster.tile, level, kernel, &pose.translation.vector, radius);
+                let sums =
+                    accumulate(isa, &self.raster.tile, level, kernel, &pose.translation.vector, radius);
                 let last = *pose;
                 *pose = step(pose, &sums, radius, batch.damping);
                 let shift = (pose.translation.vector - last.translation.vector).norm();
@@ -91,11 +104,23 @@ impl Hypotheses for Cpu {
                     break;
                 }
             }
-            let extent = render(&mut self.raster, lod, pose, level, plane.as_ref());
+            let extent = render_on(isa, &mut self.raster, lod, pose, level, plane.as_ref());
             self.rendered.push(
-                extent.map(|extent| Rendered { terms: compare(&self.raster.tile, level, kernel), extent }),
+                extent
+                    .map(|extent| Rendered { terms: compare(isa, &self.raster.tile, level, kernel), extent }),
             );
         }
         &self.rendered
     }
+}
+
+/// Draws `lod` at camera-from-object `pose`, as [`render_on`] does, with the best instructions.
+pub(crate) fn render(
+    raster: &mut Raster,
+    lod: &Lod,
+    pose: &Isometry3<f32>,
+    level: &Level,
+    plane: Option<&FlatPlane>,
+) -> Option<Extent> {
+    render_on(Isa::best(), raster, lod, pose, level, plane)
 }

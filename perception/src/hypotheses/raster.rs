@@ -46,6 +46,14 @@ impl Tile {
         self.w.as_flattened()
     }
 
+    /// Drawn pixels `(u, v, 1/z)` of the level, those of the margins too.
+    pub fn pixels(&self) -> impl Iterator<Item = (i32, i32, f32)> {
+        (0..self.height)
+            .flat_map(move |y| (0..self.width).map(move |x| (x, y)))
+            .map(|(x, y)| (self.u0 + x as i32, self.v0 + y as i32, self.values()[self.index(x, y)]))
+            .filter(|(_, _, w)| *w > 0.0)
+    }
+
     /// Empties what was drawn to the right of the last column.
     fn clear_right_margin(&mut self) {
         for y in 0..self.height {
@@ -87,7 +95,7 @@ pub type FlatPlane = (Vector3<f32>, f32);
 per_machine! {
     /// Draws `lod` at camera-from-object `pose` into [`Raster::tile`]. `None`, and the tile is not to be used, when a part
     /// of it is too near or it is wholly outside the image.
-    pub(crate) fn render(
+    pub(crate) fn render_on(
         raster: &mut Raster,
         lod: &Lod,
         pose: &Isometry3<f32>,

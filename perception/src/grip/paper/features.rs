@@ -1,7 +1,7 @@
 //! Edge and planar points of a point cloud image (the paper's equation "c", after Zhang and Singh 2014).
 
 use super::settings::{Holes, PaperSettings};
-use crate::hypotheses::{Level, per_machine};
+use crate::hypotheses::{Isa, Level, per_machine};
 
 /// A part of an image of inverse depth: what [`Smoothness`] is computed of.
 #[derive(Clone, Copy)]
@@ -177,7 +177,7 @@ pub(super) fn windows(
 /// The kind of each pixel of a whole level, at [`Level::index`].
 pub(super) fn observed(level: &Level, settings: &PaperSettings) -> Vec<u8> {
     let mut smoothness = Smoothness::default();
-    compute(&mut smoothness, Patch::whole(level), level, settings);
+    compute(Isa::best(), &mut smoothness, Patch::whole(level), level, settings);
     let mut kinds = vec![NONE; level.w.len()];
     let mut window = Window::default();
     for rows in windows(0, level.height, settings.window) {

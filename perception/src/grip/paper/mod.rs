@@ -74,29 +74,14 @@ impl PoseEstimator for PaperEstimator {
             .par_iter()
             .map(|object| self.models.get(object, &[settings.triangles]))
             .collect::<Result<_>>()?;
-        let observation = Observation::new(
-            frame,
-            &GripSettings {
-                epsilon_m: settings.epsilon_m,
-                plane: settings.plane.clone(),
-                workspace: None,
-                ..GripSettings::default()
-            },
-        );
-        let features = features::observed(observation.level(1), settings);
+        let prepared = Prepared::new(settings, frame);
         Ok((0..models.len())
             .into_par_iter()
             .map(|i| {
                 let start = Instant::now();
                 let model = &models[i];
                 let boxes = boxes(detections.of(&model.name), frame);
-                let likelihood = Likelihood {
-                    settings,
-                    observation: &observation,
-                    features: &features,
-                    lod: model.lod(settings.triangles),
-                    boxes: &boxes,
-                };
+                let likelihood = prepared.likelihood(model, &boxes);
                 let mut rng = rng::stream(seed, &stream("paper", &models, i));
                 let found = filter(&likelihood, frame, &mut rng);
                 let weights = found.as_ref().map_or_else(Vec::new, |found| {
@@ -112,6 +97,48 @@ impl PoseEstimator for PaperEstimator {
                 belief(model, found, weights, confidence, start.elapsed().as_secs_f64())
             })
             .collect())
+    }
+}
+
+/// A frame with its features.
+#[derive(Debug)]
+pub(crate) struct Prepared<'a> {
+    settings: &'a PaperSettings,
+    observation: Observation,
+    /// Kinds of pixels at full resolution.
+    features: Vec<u8>,
+}
+
+impl<'a> Prepared<'a> {
+    /// Prepares a frame.
+    pub fn new(settings: &'a PaperSettings, frame: &CameraFrame) -> Self {
+        let for_levels = GripSettings {
+            epsilon_m: settings.epsilon_m,
+            plane: settings.plane.clone(),
+            workspace: None,
+            ..GripSettings::default()
+        };
+        let observation = Observation::new(frame, &for_levels);
+        let features = features::observed(observation.level(1), settings);
+        Self { settings, observation, features }
+    }
+
+    fn likelihood<'b>(&'b self, model: &'b Model, boxes: &'b [Detection]) -> Likelihood<'b> {
+        Likelihood {
+            settings: self.settings,
+            observation: &self.observation,
+            features: &self.features,
+            lod: model.lod(self.settings.triangles),
+            boxes,
+        }
+    }
+
+    /// The largest W of poses with a box, weighed in parallel as in an iteration.
+    #[cfg(feature = "bench")]
+    pub fn iteration(&self, model: &Model, boxes: &[Detection], poses: &[Isometry3<f32>]) -> f32 {
+        let likelihood = self.likelihood(model, boxes);
+        let weigh = |scratch: &mut Scratch, pose| likelihood.weigh(scratch, pose, 0).total(self.settings);
+        poses.par_iter().map_init(Scratch::default, weigh).reduce(|| 0.0, f32::max)
     }
 }
 

@@ -7,7 +7,7 @@ use nalgebra::Point3;
 
 use super::features::{EDGE, PLANE, Patch, Smoothness, compute, observed};
 use super::*;
-use crate::hypotheses::{Raster, render};
+use crate::hypotheses::{Isa, Raster, render};
 
 /// The middle 64 x 48 pixels of a usual camera.
 const CAMERA: Intrinsics = Intrinsics { width: 64, height: 48, fx: 600.0, fy: 600.0, cx: 31.5, cy: 23.5 };
@@ -35,7 +35,7 @@ fn observation(frame: &CameraFrame, epsilon_m: f64) -> Observation {
 fn smoothness(observation: &Observation, settings: &PaperSettings) -> Vec<f32> {
     let level = observation.level(1);
     let mut smoothness = Smoothness::default();
-    compute(&mut smoothness, Patch::whole(level), level, settings);
+    compute(Isa::best(), &mut smoothness, Patch::whole(level), level, settings);
     smoothness.squared
 }
 

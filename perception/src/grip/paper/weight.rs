@@ -5,7 +5,7 @@ use nalgebra::Isometry3;
 use super::features::{EDGE, PLANE, Patch, Smoothness, compute, edge_threshold, windows};
 use super::settings::{Centre, PaperSettings};
 use crate::detector::Detection;
-use crate::hypotheses::{Lod, Observation, Raster, Tile, per_machine, render};
+use crate::hypotheses::{Isa, Lod, Observation, Raster, Tile, per_machine, render};
 
 /// The terms of W of one hypothesis, each 0 to 1.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
@@ -70,7 +70,7 @@ impl Likelihood<'_> {
         let tile = &raster.tile;
         let patch = patch(tile, [level.width, level.height]);
         let Counts { rendered, inliers, in_box, inliers_in_box } =
-            count(self.observation, patch, &bounding.bbox, inlier);
+            count(Isa::best(), self.observation, patch, &bounding.bbox, inlier);
         if rendered == 0 {
             return nothing;
         }
@@ -84,7 +84,7 @@ impl Likelihood<'_> {
             // Features are points: without inliers there are none among them.
             return counted;
         }
-        compute(smoothness, patch, level, self.settings);
+        compute(Isa::best(), smoothness, patch, level, self.settings);
         let (found, matched) = self.features(patch, &smoothness.squared, inlier);
         Weight { edges: share(matched[0], found[0]), planes: share(matched[1], found[1]), ..counted }
     }

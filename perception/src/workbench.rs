@@ -1,0 +1,161 @@
+//! What the benches time: the filters' inner parts on frames made for them. Only with the feature `bench`.
+
+use std::sync::Arc;
+
+use grip_sim::camera::Intrinsics;
+use grip_sim::frame::CameraFrame;
+use grip_sim::images::{Image, RgbImage};
+use grip_sim::objects::ObjectModel;
+use grip_sim::pose::Pose;
+use grip_sim::rng;
+use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
+use rand::Rng;
+use rand_distr::{Distribution, StandardNormal};
+
+use crate::detector::{Detection, Detections};
+use crate::error::Result;
+use crate::grip::{Model, Prepared, small_rotation};
+use crate::hypotheses::{Batch, Cpu, Hypotheses, Isa, Observation, Raster, render_on};
+use crate::plane::PlaneSettings;
+use crate::{GripSettings, PaperSettings};
+
+/// Standard deviation of the depth noise, metres.
+const NOISE_M: f32 = 0.001;
+/// Triangles of the mesh that the frame shows.
+const SHOWN: usize = 5000;
+
+/// An object on a table before the camera, and hypotheses about its pose.
+#[derive(Debug)]
+pub struct Workbench {
+    /// What the camera sees.
+    pub frame: CameraFrame,
+    /// The object's box and four false ones.
+    pub detections: Detections,
+    model: Arc<Model>,
+    observation: Observation,
+    poses: Vec<Isometry3<f32>>,
+}
+
+impl Workbench {
+    /// `object`, turned by a little, so far from a camera that looks 40 degrees down on the table under it, and `hypotheses`
+    /// scattered by 1 cm and 0.2 rad about its pose.
+    ///
+    /// # Errors
+    /// For an object without a surface.
+    pub fn new(object: &Arc<ObjectModel>, distance_m: f32, hypotheses: usize) -> Result<Self> {
+        let model = Arc::new(Model::new(object, &[60, 200, 500, 1000, SHOWN])?);
+        let k = Intrinsics::FETCH;
+        let down = 40.0f32.to_radians();
+        let tilt = UnitQuaternion::from_axis_angle(&Vector3::x_axis(), std::f32::consts::FRAC_PI_2 + down);
+        let turn = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), 0.4);
+        let truth = Isometry3::from_parts(Translation3::new(0.0, 0.0, distance_m), tilt * turn);
+        // The table is under the lowest point.
+        let up = tilt * Vector3::z();
+        let low = model.hull.iter().map(|p| (truth.rotation * p).dot(&up)).fold(f32::MAX, f32::min);
+        let height = truth.translation.vector.dot(&up) + low;
+        let mut frame = CameraFrame {
+            rgb: RgbImage::new(k.width as u32, k.height as u32),
+            depth: Image::filled(k.width, k.height, 0.0f32),
+            intrinsics: k,
+            world_from_camera: Pose::identity(),
+        };
+        for v in 0..k.height {
+            for u in 0..k.width {
+                let ray = k.back_project(u as f64, v as f64, 1.0).coords.cast::<f32>();
+                let z = height / ray.dot(&up);
+                *frame.depth.at_mut(u, v) = if (0.2..4.0).contains(&z) { z } else { 0.0 };
+            }
+        }
+        let settings = GripSettings {
+            plane: Some(PlaneSettings { max_tilt_rad: None, ..PlaneSettings::default() }),
+            ..GripSettings::default()
+        };
+        let mut raster = Raster::default();
+        let empty = Observation::new(&frame, &settings);
+        let mut bounds = [0.0; 4];
+        if let Some(extent) =
+            render_on(Isa::BASE, &mut raster, model.lod(SHOWN), &truth, empty.level(1), None)
+        {
+            bounds = extent.bounds.map(f64::from);
+            for (u, v, w) in raster.tile.pixels() {
+                if u >= 0 && v >= 0 && (u as usize) < k.width && (v as usize) < k.height {
+                    *frame.depth.at_mut(u as usize, v as usize) = 1.0 / w;
+                }
+            }
+        }
+        let mut random = rng::stream(1, "workbench");
+        for z in frame.depth.data_mut() {
+            if *z > 0.0 {
+                *z += NOISE_M * normal(&mut random);
+            }
+        }
+        let poses = (0..hypotheses)
+            .map(|_| {
+                let shift = Vector3::from_fn(|_, _| 0.01 * normal(&mut random));
+                let rotation = small_rotation(0.2, &mut random) * truth.rotation;
+                Isometry3::from_parts(Translation3::from(truth.translation.vector + shift), rotation)
+            })
+            .collect();
+        let mut detections = Detections::new();
+        let moved = |by: f64| [bounds[0] + by, bounds[1], bounds[2] + by, bounds[3]];
+        for (by, confidence) in [(0.0, 0.6), (-160.0, 0.1), (-80.0, 0.1), (80.0, 0.1), (160.0, 0.1)] {
+            detections.push(&object.info.name, Detection { bbox: moved(by), confidence })?;
+        }
+        let observation = Observation::new(&frame, &settings);
+        Ok(Self { frame, detections, model, observation, poses })
+    }
+
+    /// Instruction sets that this machine has, the plainest first.
+    pub fn isas() -> Vec<Isa> {
+        Isa::available()
+    }
+
+    /// Draws all hypotheses; the number of those that can be drawn.
+    pub fn render(&self, isa: Isa, stride: usize, triangles: usize) -> usize {
+        let mut raster = Raster::default();
+        let (lod, level) = (self.model.lod(triangles), self.observation.level(stride));
+        let drawn = |pose| render_on(isa, &mut raster, lod, pose, level, None).is_some();
+        self.poses.iter().map(drawn).filter(|drawn| *drawn).count()
+    }
+
+    /// Moves all hypotheses by `steps`, draws and compares them; the sum of the inliers' kernels.
+    pub fn advance(&self, isa: Isa, stride: usize, triangles: usize, steps: usize) -> f32 {
+        let batch = Batch {
+            lod: self.model.lod(triangles),
+            radius: self.model.radius,
+            observation: &self.observation,
+            stride,
+            kernel: 2.0,
+            steps,
+            damping: 0.01,
+            converged_m: 0.0,
+        };
+        let mut poses = self.poses.clone();
+        let mut cpu = Cpu::on(isa);
+        cpu.advance(&batch, &mut poses).iter().flatten().map(|r| r.terms.fit).sum()
+    }
+
+    /// The frame as the paper's filter wants it.
+    pub fn paper<'a>(&'a self, settings: &'a PaperSettings) -> Paper<'a> {
+        Paper { bench: self, prepared: Prepared::new(settings, &self.frame) }
+    }
+}
+
+/// The paper's filter before its next iteration.
+#[derive(Debug)]
+pub struct Paper<'a> {
+    bench: &'a Workbench,
+    prepared: Prepared<'a>,
+}
+
+impl Paper<'_> {
+    /// W of all hypotheses at full resolution, in parallel; the largest.
+    pub fn iteration(&self) -> f32 {
+        let Workbench { model, detections, poses, .. } = self.bench;
+        self.prepared.iteration(model, detections.of(&model.name), poses)
+    }
+}
+
+fn normal(random: &mut impl Rng) -> f32 {
+    StandardNormal.sample(random)
+}
