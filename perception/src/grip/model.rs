@@ -48,10 +48,8 @@ impl Model {
         let mut counts = triangle_counts.to_vec();
         counts.sort_unstable();
         counts.dedup();
-        let mut lods = Vec::new();
-        for count in counts {
-            lods.push((count, simplify(&positions, &triangles, count)));
-        }
+        let simple = simplify(&positions, &triangles, &counts);
+        let lods = counts.into_iter().zip(simple).collect();
         let points: Vec<Vector3<f32>> = positions.iter().map(|p| Vector3::from(*p)).collect();
         let hull = extreme_points(&points, HULL_DIRECTIONS);
         let outline = extreme_points(&hull, OUTLINE_DIRECTIONS);

@@ -59,6 +59,13 @@ impl F8 {
         self.zip(other, |a, b| if a > b { a } else { b })
     }
 
+    /// The larger, lane by lane, of values that are not negative, by their bits. Storing a maximum of floats where its second
+    /// half was read becomes a masked store, which is many times slower than a whole one on some machines.
+    #[inline(always)]
+    pub fn max_of_positive(self, other: Self) -> Self {
+        self.zip(other, |a, b| f32::from_bits((a.to_bits() as i32).max(b.to_bits() as i32) as u32))
+    }
+
     /// Square root.
     #[inline(always)]
     pub fn sqrt(self) -> Self {
@@ -89,13 +96,21 @@ impl F8 {
     }
 
     /// Smallest lane.
+    #[inline(always)]
     pub fn least(self) -> f32 {
-        self.0.iter().fold(f32::MAX, |m, x| m.min(*x))
+        self.halved(|a, b| if a < b { a } else { b })
     }
 
     /// Largest lane.
+    #[inline(always)]
     pub fn most(self) -> f32 {
-        self.0.iter().fold(f32::MIN, |m, x| m.max(*x))
+        self.halved(|a, b| if a > b { a } else { b })
+    }
+
+    #[inline(always)]
+    fn halved(self, f: impl Fn(f32, f32) -> f32) -> f32 {
+        let a = self.0;
+        f(f(f(a[0], a[4]), f(a[2], a[6])), f(f(a[1], a[5]), f(a[3], a[7])))
     }
 }
 

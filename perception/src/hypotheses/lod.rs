@@ -12,6 +12,9 @@ pub struct Lod {
     pub(crate) blocks: Vec<[F8; 3]>,
     /// Vertex indices, counter-clockwise from outside, ordered so that neighbours in the list face alike.
     pub(crate) triangles: Vec<[u32; 3]>,
+    /// Their planes, blocks of normals and offsets `[x, y, z, d]`: a point `p` is before the front when `n . p > d`. In the
+    /// last block, lanes without a triangle have no front.
+    pub(crate) planes: Vec<[F8; 4]>,
 }
 
 /// Vertex positions and vertex indices of triangles.
@@ -45,11 +48,25 @@ pub(crate) fn weld(positions: &[Point3<f32>], triangles: &[[u32; 3]]) -> Option<
     Some((out, kept))
 }
 
-/// At most about `count` triangles: meshopt moves vertices as it collapses edges, which halves the error of keeping
-/// them in place.
-pub(crate) fn simplify(positions: &[[f32; 3]], triangles: &[[u32; 3]], count: usize) -> Lod {
+/// A deviation that no sensor of ours sees, metres: simplification that does not exceed it is free.
+const UNSEEN_M: f32 = 2.5e-4;
+
+/// Levels of detail of a mesh, one for each of `counts`: at most about so many triangles, and fewer where these deviate from
+/// the mesh by no more than [`UNSEEN_M`]: a box needs few.
+pub(crate) fn simplify(positions: &[[f32; 3]], triangles: &[[u32; 3]], counts: &[usize]) -> Vec<Lod> {
+    let (positions, triangles) = collapsed(positions, triangles, 4, UNSEEN_M);
+    let lod = |&count: &usize| {
+        let (positions, triangles) = collapsed(&positions, &triangles, count, f32::MAX);
+        packed(&positions, triangles)
+    };
+    counts.iter().map(lod).collect()
+}
+
+/// Collapses edges until `count` triangles are left or the next collapse would move the surface farther than `error_m`.
+/// meshopt moves vertices as it collapses edges, which halves the error of keeping them in place.
+fn collapsed(positions: &[[f32; 3]], triangles: &[[u32; 3]], count: usize, error_m: f32) -> Indexed {
     let mut positions = positions.to_vec();
-    let mut indices: Vec<u32> = triangles.iter().flatten().copied().collect();
+    let mut indices: Vec<u32> = triangles.as_flattened().to_vec();
     // The library aborts on a target above the number of indices.
     let target = (3 * count).min(indices.len());
     let kept = meshopt::simplify_with_update(
@@ -60,21 +77,25 @@ pub(crate) fn simplify(positions: &[[f32; 3]], triangles: &[[u32; 3]], count: us
         0,
         None,
         target,
-        1.0,
-        SimplifyOptions::None,
+        error_m,
+        SimplifyOptions::ErrorAbsolute,
         None,
     );
     // A mesh of tiny parts may collapse to nothing: keep it whole then.
     if kept >= 3 {
         indices.truncate(kept);
     }
-    let mut faces: Vec<[u32; 3]> = indices.as_chunks::<3>().0.to_vec();
-    if signed_volume(&positions, &faces) < 0.0 {
+    (positions, indices.as_chunks::<3>().0.to_vec())
+}
+
+/// The mesh in the order and layout of the kernels.
+fn packed(positions: &[[f32; 3]], mut faces: Vec<[u32; 3]>) -> Lod {
+    if signed_volume(positions, &faces) < 0.0 {
         for f in &mut faces {
             f.swap(1, 2);
         }
     }
-    sort_by_normal(&positions, &mut faces, 0);
+    sort_by_normal(positions, &mut faces, 0);
     // Vertices in the order of first use.
     let mut new = vec![u32::MAX; positions.len()];
     let mut used: Vec<[f32; 3]> = Vec::new();
@@ -95,7 +116,26 @@ pub(crate) fn simplify(positions: &[[f32; 3]], triangles: &[[u32; 3]], count: us
             out
         })
     };
-    Lod { blocks: used.chunks(LANES).map(block).collect(), triangles: faces }
+    let plane = |face: &[u32; 3]| {
+        let [a, b, c] = face.map(|i| Vector3::from(used[i as usize]));
+        let n = (b - a).cross(&(c - a));
+        // What is seen edge on stays for the test on the screen.
+        [n.x, n.y, n.z, n.dot(&a) - 1e-5 * n.norm()]
+    };
+    let planes = |faces: &[[u32; 3]]| {
+        let mut out = [F8::ZERO; 4];
+        for (i, values) in faces.iter().map(plane).enumerate() {
+            for (axis, value) in out.iter_mut().zip(values) {
+                axis.0[i] = value;
+            }
+        }
+        out
+    };
+    Lod {
+        blocks: used.chunks(LANES).map(block).collect(),
+        planes: faces.chunks(LANES).map(planes).collect(),
+        triangles: faces,
+    }
 }
 
 fn signed_volume(positions: &[[f32; 3]], faces: &[[u32; 3]]) -> f32 {

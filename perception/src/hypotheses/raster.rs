@@ -1,9 +1,10 @@
 //! A small depth renderer: one model at one pose into a tile of inverse depth.
 //!
 //! Inverse depth is linear on the screen, and larger is nearer, so an empty pixel is 0 and the depth test is a maximum.
-//! A triangle is drawn in blocks of eight pixels, down its rows, by the signs of three linear functions: most triangles
-//! are so small that finding the ends of each row would cost more. Blocks are aligned, or reading back what was just
-//! written in another alignment would stall.
+//! Two phases: triangles that face away are dropped, eight at a time, by their planes in the object frame; then each that is
+//! left is drawn in blocks of eight pixels, down its rows, by the signs of three linear functions: most triangles are so
+//! small that finding the ends of each row costs more (measured). Blocks are aligned, or reading back what was just written
+//! in another alignment would stall.
 
 use nalgebra::{Isometry3, Vector3};
 
@@ -84,8 +85,10 @@ pub struct Extent {
 /// The renderer and its buffers.
 #[derive(Debug, Default)]
 pub(crate) struct Raster {
-    /// Projected vertices `[u, v, 1/z]`.
-    projected: Vec<[f32; 3]>,
+    /// Projected vertices `[u, v, 1/z, 0]`.
+    projected: Vec<[f32; 4]>,
+    /// Triangles that face the camera.
+    facing: Vec<u32>,
     pub tile: Tile,
 }
 
@@ -123,13 +126,14 @@ pub(crate) fn render_body(
     let size = |a: f32, b: f32| (b - a) as usize + 1;
     let tile = &mut raster.tile;
     tile.clear(u0 as i32, v0 as i32, size(u0, u1), size(v0, v1));
-    for &[a, b, c] in &lod.triangles {
-        let projected = &raster.projected;
+    face(&mut raster.facing, lod, pose);
+    for &triangle in &raster.facing {
         let corner = |i: u32| {
-            let [u, v, w] = projected[i as usize];
+            let [u, v, w, _] = raster.projected[i as usize];
             [u - u0, v - v0, w]
         };
-        fill(tile, corner(a), corner(b), corner(c));
+        let [a, b, c] = lod.triangles[triangle as usize].map(corner);
+        fill(tile, a, b, c);
     }
     if extent.bounds[2] > u1 {
         tile.clear_right_margin();
@@ -137,9 +141,30 @@ pub(crate) fn render_body(
     Some(extent)
 }
 
+/// Lists the triangles whose front is towards the camera.
+#[inline(always)]
+fn face(facing: &mut Vec<u32>, lod: &Lod, pose: &Isometry3<f32>) {
+    let camera = pose.rotation.inverse() * -pose.translation.vector;
+    let c = camera.map(F8::all);
+    facing.clear();
+    facing.resize(lod.planes.len() * LANES, 0);
+    let mut count = 0;
+    for (block, [x, y, z, offset]) in lod.planes.iter().enumerate() {
+        let before = c.x * *x + c.y * *y + c.z * *z - *offset;
+        for lane in 0..LANES {
+            // Always written, counted when it stays: no branch to be guessed wrongly. There is one slot for each triangle.
+            if let Some(slot) = facing.get_mut(count) {
+                *slot = (block * LANES + lane) as u32;
+            }
+            count += usize::from(before.0[lane] > 0.0);
+        }
+    }
+    facing.truncate(count);
+}
+
 #[inline(always)]
 fn project(
-    out: &mut Vec<[f32; 3]>,
+    out: &mut Vec<[f32; 4]>,
     lod: &Lod,
     pose: &Isometry3<f32>,
     level: &Level,
@@ -154,8 +179,8 @@ fn project(
     let (cx, cy) = (F8::all(level.cx), F8::all(level.cy));
     let mut low = [F8::all(f32::MAX); 4];
     let mut high = [F8::all(f32::MIN); 2];
-    out.clear();
-    for [x, y, z] in &lod.blocks {
+    out.resize(lod.blocks.len() * LANES, [0.0; 4]);
+    for ([x, y, z], out) in lod.blocks.iter().zip(out.as_chunks_mut::<LANES>().0) {
         let px = r(0, 0) * *x + r(0, 1) * *y + r(0, 2) * *z + t.x;
         let py = r(1, 0) * *x + r(1, 1) * *y + r(1, 2) * *z + t.y;
         let pz = r(2, 0) * *x + r(2, 1) * *y + r(2, 2) * *z + t.z;
@@ -165,8 +190,8 @@ fn project(
         let height = n.x * px + n.y * py + n.z * pz + offset;
         low = [u.min(low[0]), v.min(low[1]), pz.min(low[2]), height.min(low[3])];
         high = [u.max(high[0]), v.max(high[1])];
-        for i in 0..LANES {
-            out.push([u.0[i], v.0[i], w.0[i]]);
+        for (i, out) in out.iter_mut().enumerate() {
+            *out = [u.0[i], v.0[i], w.0[i], 0.0];
         }
     }
     let bounds = [low[0].least(), low[1].least(), high[0].most(), high[1].most()];
@@ -229,7 +254,7 @@ fn fill(tile: &mut Tile, a: [f32; 3], b: [f32; 3], c: [f32; 3]) {
             let outside = e0.max(e1).max(e2);
             let drawn = slack.above(outside, value.min(nearest), F8::ZERO);
             if let Some(pixels) = tile.w.get_mut(at) {
-                *pixels = drawn.max(F8(*pixels)).0;
+                *pixels = drawn.max_of_positive(F8(*pixels)).0;
             }
             e0 += d0;
             e1 += d1;

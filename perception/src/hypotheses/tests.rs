@@ -408,3 +408,41 @@ proptest! {
         prop_assert!(after < 0.3 * before + 0.0003, "median depth error {before} before, {after} after");
     }
 }
+
+#[test]
+fn zz_stats() {
+    use grip_sim::objects::{ObjectLibrary, ObjectSet};
+    let table = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../scenes/objects.toml");
+    let library = ObjectLibrary::open(&table, ObjectSet::BuiltIn).unwrap();
+    for name in ["005_tomato_soup_can", "003_cracker_box", "025_mug", "011_banana"] {
+        let object = library.load(name).unwrap();
+        let model = Model::new(&object, &[60, 200, 500, 1000]).unwrap();
+        let observation = observe(&model, &placed(0.0, 0.0, 0.95, Vector3::new(0.5, 0.4, 0.3)));
+        let level = observation.level(1);
+        for lod in [60, 200, 500, 1000].map(|n| model.lod(n)) {
+            let pose = placed(0.0, 0.0, 0.95, Vector3::new(2.2, 0.1, 0.4));
+            let vertex = |i: u32| {
+                let (b, l) = (i as usize / 8, i as usize % 8);
+                let p = pose * Point3::from(lod.blocks[b].map(|a| a.0[l]));
+                [p.x / p.z * level.fx, p.y / p.z * level.fy]
+            };
+            let (mut front, mut rows, mut area) = (0, 0.0, 0.0);
+            let mut entries = 0.0;
+            for [a, b, c] in lod.triangles.iter().map(|t| t.map(vertex)) {
+                let s = (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]);
+                if s < 0.0 {
+                    front += 1;
+                    let h = a[1].max(b[1]).max(c[1]) - a[1].min(b[1]).min(c[1]);
+                    let w = a[0].max(b[0]).max(c[0]) - a[0].min(b[0]).min(c[0]);
+                    rows += h;
+                    entries += h * (w / 8.0 + 1.0);
+                    area -= s / 2.0;
+                }
+            }
+            println!(
+                "{name} {} triangles, {front} front, rows {rows:.0}, bbox entries {entries:.0}, area {area:.0}",
+                lod.triangles.len()
+            );
+        }
+    }
+}
