@@ -27,7 +27,7 @@ use grip_sim::rng;
 use nalgebra::{Isometry3, Vector3};
 use rayon::prelude::*;
 
-pub use self::paper::{Centre, Holes, PaperEstimator, PaperSettings};
+pub use self::paper::{Centre, Holes, PaperEstimator, PaperSettings, Ranking};
 pub use self::settings::{GripSettings, SearchLevel};
 
 pub(crate) use self::model::Model;

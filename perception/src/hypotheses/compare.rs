@@ -1,6 +1,6 @@
 //! A rendered hypothesis against the frame, pixel by pixel.
 
-use super::lanes::{F8, LANES, per_machine};
+use super::lanes::{F8, LANES, blocks, per_machine};
 use super::observation::Level;
 use super::raster::Tile;
 
@@ -37,29 +37,33 @@ pub(crate) fn compare_body(tile: &Tile, level: &Level, kernel: f32) -> Terms {
     for y in 0..tile.height {
         let row = tile.index(0, y);
         let observed = level.index(tile.u0, tile.v0 + y as i32);
-        for x in (0..tile.width).step_by(LANES) {
-            let (t, o) = (row + x, observed + x);
-            let w = F8::load(values, t);
+        let count = tile.width.div_ceil(LANES);
+        let [here, left, right, above, below] =
+            [row, row - 1, row + 1, row - pitch, row + pitch].map(|at| blocks(values, at, count));
+        let [seen, tol, weight, evidence] =
+            [&level.w, &level.tol, &level.weight, &level.edge].map(|values| blocks(values, observed, count));
+        for b in 0..count {
+            let w = F8(here[b]);
             let rendered = w.positive(one, zero);
             if rendered == zero {
                 continue;
             }
             let safe = w.positive(w, one);
-            let seen = F8::load(&level.w, o);
+            let seen = F8(seen[b]);
             let read = seen.positive(rendered, zero);
-            let q = (seen - safe) / (kernel * F8::load(&level.tol, o) * safe);
+            let q = (seen - safe) / (kernel * F8(tol[b]) * safe);
             let fit = (one - q * q).max(zero);
             let visible = one.above(q, read, zero);
-            let across = F8::load(values, t - 1).min(F8::load(values, t + 1));
-            let along = F8::load(values, t - pitch).min(F8::load(values, t + pitch));
+            let across = F8(left[b]).min(F8(right[b]));
+            let along = F8(above[b]).min(F8(below[b]));
             let rim = across.min(along).positive(zero, visible);
             sums[0] += rendered;
             sums[1] += rendered - read;
             sums[2] += read - visible;
             sums[3] += (zero - q).above(one, read, zero);
-            sums[4] += fit * F8::load(&level.weight, o) * read;
+            sums[4] += fit * F8(weight[b]) * read;
             sums[5] += rim;
-            sums[6] += rim * F8::load(&level.edge, o);
+            sums[6] += rim * F8(evidence[b]);
         }
     }
     let [rendered, hole, occluded, violated, fit, rim, edge] = sums.map(F8::sum);

@@ -29,15 +29,6 @@ impl F8 {
         Self([x; LANES])
     }
 
-    /// Eight values from `at` on; zeros where the slice ends before that.
-    #[inline(always)]
-    pub fn load(values: &[f32], at: usize) -> Self {
-        match values.get(at..).and_then(|v| v.first_chunk()) {
-            Some(block) => Self(*block),
-            None => Self::ZERO,
-        }
-    }
-
     #[inline(always)]
     fn zip(self, other: Self, f: impl Fn(f32, f32) -> f32) -> Self {
         let mut out = self.0;
@@ -112,6 +103,22 @@ impl F8 {
         let a = self.0;
         f(f(f(a[0], a[4]), f(a[2], a[6])), f(f(a[1], a[5]), f(a[3], a[7])))
     }
+}
+
+/// `count` blocks from value `at` on. Cut a row once, outside of the loop over its blocks: inside, no bounds are left to be
+/// checked.
+///
+/// # Panics
+/// When there are fewer; buffers of kernels are padded for this.
+#[inline(always)]
+pub(crate) fn blocks(values: &[f32], at: usize, count: usize) -> &[[f32; LANES]] {
+    &values[at..at + count * LANES].as_chunks().0[..count]
+}
+
+/// [`blocks`] to be written.
+#[inline(always)]
+pub(crate) fn blocks_mut(values: &mut [f32], at: usize, count: usize) -> &mut [[f32; LANES]] {
+    &mut values[at..at + count * LANES].as_chunks_mut().0[..count]
 }
 
 macro_rules! lanewise {

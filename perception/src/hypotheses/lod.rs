@@ -62,6 +62,12 @@ pub(crate) fn simplify(positions: &[[f32; 3]], triangles: &[[u32; 3]], counts: &
     counts.iter().map(lod).collect()
 }
 
+/// The mesh as it is.
+#[cfg(test)]
+pub(crate) fn unsimplified(positions: &[[f32; 3]], triangles: &[[u32; 3]]) -> Lod {
+    packed(positions, triangles.to_vec())
+}
+
 /// Collapses edges until `count` triangles are left or the next collapse would move the surface farther than `error_m`.
 /// meshopt moves vertices as it collapses edges, which halves the error of keeping them in place.
 fn collapsed(positions: &[[f32; 3]], triangles: &[[u32; 3]], count: usize, error_m: f32) -> Indexed {

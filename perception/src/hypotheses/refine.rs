@@ -2,7 +2,7 @@
 
 use nalgebra::{Isometry3, Matrix6, Translation3, UnitQuaternion, Vector3, Vector6};
 
-use super::lanes::{F8, LANES, per_machine};
+use super::lanes::{F8, LANES, blocks, per_machine};
 use super::observation::Level;
 use super::raster::Tile;
 
@@ -58,25 +58,29 @@ pub(super) fn accumulate_body(
         let row = tile.index(0, y);
         let observed = level.index(tile.u0, tile.v0 + y as i32);
         let dv = F8::all((tile.v0 + y as i32) as f32 - level.cy);
-        for x in (0..tile.width).step_by(LANES) {
-            let (t, o) = (row + x, observed + x);
-            let w = F8::load(values, t);
+        let count = tile.width.div_ceil(LANES);
+        let [here, left, right, up, down] =
+            [row, row - 1, row + 1, row - pitch, row + pitch].map(|at| blocks(values, at, count));
+        let [seen, tol, weight] =
+            [&level.w, &level.tol, &level.weight].map(|values| blocks(values, observed, count));
+        for b in 0..count {
+            let w = F8(here[b]);
             let safe = w.positive(w, one);
-            let seen = F8::load(&level.w, o);
+            let seen = F8(seen[b]);
             let read = seen.positive(seen, one);
-            let q = (read - safe) / (kernel * F8::load(&level.tol, o) * safe);
+            let q = (read - safe) / (kernel * F8(tol[b]) * safe);
             let inside = one - q * q;
-            let pull = inside.positive(inside * inside * F8::load(&level.weight, o), zero);
+            let pull = inside.positive(inside * inside * F8(weight[b]), zero);
             let pull = w.positive(seen.positive(pull, zero), zero);
-            let (left, right) = (F8::load(values, t - 1), F8::load(values, t + 1));
-            let (up, down) = (F8::load(values, t - pitch), F8::load(values, t + pitch));
+            let (left, right) = (F8(left[b]), F8(right[b]));
+            let (up, down) = (F8(up[b]), F8(down[b]));
             // A pixel with no neighbour in a row or column has no normal.
             let pull = left.max(right).min(up.max(down)).positive(pull, zero);
             if pull == zero {
                 continue;
             }
             let (wu, wv) = (difference(left, safe, right), difference(up, safe, down));
-            let du = F8::INDEX + F8::all((tile.u0 + x as i32) as f32 - level.cx);
+            let du = F8::INDEX + F8::all((tile.u0 + (b * LANES) as i32) as f32 - level.cx);
             let n = [fx * wu, fy * wv, safe - wu * du - wv * dv];
             let length = (n[0] * n[0] + n[1] * n[1] + n[2] * n[2]).sqrt();
             let inverse = one / length.max(F8::all(1e-6));

@@ -24,7 +24,7 @@ use rand::{Rng, RngExt};
 use rand_distr::{Distribution, StandardNormal};
 use rayon::prelude::*;
 
-pub use self::settings::{Centre, Holes, PaperSettings};
+pub use self::settings::{Centre, Holes, PaperSettings, Ranking};
 
 use self::weight::{Likelihood, Scratch};
 use super::model::{Model, ModelCache};

@@ -2,7 +2,7 @@
 
 use nalgebra::Isometry3;
 
-use super::features::{EDGE, PLANE, Patch, Smoothness, compute, edge_threshold, windows};
+use super::features::{Features, Patch, Ranked, Smoothness, compute};
 use super::settings::{Centre, PaperSettings};
 use crate::detector::Detection;
 use crate::hypotheses::{Isa, Lod, Observation, Raster, Tile, per_machine, render};
@@ -38,6 +38,7 @@ impl Weight {
 pub(super) struct Scratch {
     raster: Raster,
     smoothness: Smoothness,
+    features: Features,
     /// 1 for inliers, by pixel of the patch.
     inlier: Vec<u8>,
 }
@@ -66,7 +67,7 @@ impl Likelihood<'_> {
         if render(&mut scratch.raster, self.lod, pose, level, None).is_none() {
             return nothing;
         }
-        let Scratch { raster, smoothness, inlier } = scratch;
+        let Scratch { raster, smoothness, features, inlier } = scratch;
         let tile = &raster.tile;
         let patch = patch(tile, [level.width, level.height]);
         let Counts { rendered, inliers, in_box, inliers_in_box } =
@@ -85,8 +86,9 @@ impl Likelihood<'_> {
             return counted;
         }
         compute(Isa::best(), smoothness, patch, level, self.settings);
-        let (found, matched) = self.features(patch, &smoothness.squared, inlier);
-        Weight { edges: share(matched[0], found[0]), planes: share(matched[1], found[1]), ..counted }
+        let [edges, planes] = count_features(Isa::best(), features, patch, &smoothness.squared, inlier, self)
+            .map(|[found, matched]| share(matched, found));
+        Weight { edges, planes, ..counted }
     }
 
     fn centred(&self, pose: &Isometry3<f32>, [u0, v0, u1, v1]: &[f64; 4]) -> bool {
@@ -101,50 +103,37 @@ impl Likelihood<'_> {
             Centre::Box => seen().is_some_and(|p| (u0..=u1).contains(&&p.x) && (v0..=v1).contains(&&p.y)),
         }
     }
+}
 
+per_machine! {
     /// How many edge and planar points a hypothesis has, and how many of these are inliers of the observation's.
-    fn features(&self, patch: Patch<'_>, squared: &[f32], inlier: &[u8]) -> ([usize; 2], [usize; 2]) {
-        let (settings, level) = (self.settings, self.observation.level(1));
-        let limits = [settings.window_edges, settings.window_planes];
-        let threshold = edge_threshold(settings);
-        let (mut found, mut matched) = ([0; 2], [0; 2]);
-        for rows in windows(patch.origin[1], patch.height, settings.window) {
-            for columns in windows(patch.origin[0], patch.width, settings.window) {
-                let lines =
-                    || rows.clone().map(|y| y * patch.width + columns.start..y * patch.width + columns.end);
-                let (mut points, mut edges) = (0, 0);
-                for c2 in lines().flat_map(|line| &squared[line]) {
-                    points += usize::from(*c2 >= 0.0);
-                    edges += usize::from(*c2 >= threshold);
-                }
-                found[0] += edges.min(limits[0]);
-                found[1] += (points - edges).min(limits[1]);
-                for i in lines().flatten().filter(|&i| inlier[i] > 0) {
-                    let at = (
-                        patch.origin[0] + (i % patch.width) as i32,
-                        patch.origin[1] + (i / patch.width) as i32,
-                    );
-                    let c2 = squared[i];
-                    let kind = if c2 >= threshold { EDGE } else { PLANE };
-                    if c2 < 0.0 || self.features[level.index(at.0, at.1)] != kind {
-                        continue;
-                    }
-                    // Its place among its kind, as `Window::pick` sorts them.
-                    let better = |j: usize| {
-                        let other = squared[j];
-                        match kind {
-                            EDGE => other > c2 || (other == c2 && j < i),
-                            _ => (0.0..threshold).contains(&other) && (other < c2 || (other == c2 && j < i)),
-                        }
-                    };
-                    let which = usize::from(kind == PLANE);
-                    let place = lines().flatten().filter(|&j| better(j)).count();
-                    matched[which] += usize::from(place < limits[which]);
-                }
-            }
+    fn count_features(
+        features: &mut Features,
+        patch: Patch<'_>,
+        squared: &[f32],
+        inlier: &mut [u8],
+        likelihood: &Likelihood<'_>,
+    ) -> [[usize; 2]; 2] => count_features_body
+}
+
+#[inline(always)]
+fn count_features_body(
+    features: &mut Features,
+    patch: Patch<'_>,
+    squared: &[f32],
+    inlier: &mut [u8],
+    likelihood: &Likelihood<'_>,
+) -> [[usize; 2]; 2] {
+    let level = likelihood.observation.level(1);
+    let Patch { origin, width, height, .. } = patch;
+    for (y, line) in inlier.chunks_exact_mut(width.max(1)).enumerate() {
+        let kinds = &likelihood.features[level.index(origin[0], origin[1] + y as i32)..][..width];
+        for (inlier, kind) in line.iter_mut().zip(kinds) {
+            // Outliers match nothing.
+            *inlier *= kind;
         }
-        (found, matched)
     }
+    features.count(Ranked { squared, matches: inlier, width, height, origin }, likelihood.settings)
 }
 
 per_machine! {
