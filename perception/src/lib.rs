@@ -10,6 +10,8 @@
 //! [`metrics`] compares poses. This crate sees camera frames and object models only: `grip-sim` is built without its
 //! `physics` feature here, so the truth is out of reach.
 
+#[cfg(test)]
+mod allocations;
 mod clusters;
 mod detector;
 mod error;

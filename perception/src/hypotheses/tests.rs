@@ -17,7 +17,8 @@ use super::lod::{Lod, unsimplified, weld};
 use super::observation::Observation;
 use super::raster::{Raster, render_on};
 use super::refine::{accumulate, step};
-use super::{Isa, render, scalar};
+use super::{Batch, Cpu, Hypotheses, Isa, render, scalar};
+use crate::allocations::allocations;
 use crate::grip::{GripSettings, Model};
 
 pub(crate) fn model(positions: Vec<Point3<f32>>, triangles: Vec<[u32; 3]>) -> Model {
@@ -341,6 +342,34 @@ fn the_same_bits_whatever_the_instruction_set() {
                 assert!(drawn(isa) == plain, "{isa}, pose {i}, stride {stride}");
             }
         }
+    }
+}
+
+#[test]
+fn hypotheses_are_moved_and_weighed_without_allocation() {
+    let model = lumpy();
+    let observation = observe(&model, &placed(0.0, 0.0, 0.9, Vector3::new(0.5, 0.4, 0.3)));
+    let mut cpu = Cpu::default();
+    for stride in [8, 4, 2, 1] {
+        let batch = Batch {
+            lod: model.lod(500),
+            radius: model.radius,
+            observation: &observation,
+            stride,
+            kernel: 2.0,
+            steps: 2,
+            damping: 0.01,
+            converged_m: 0.0,
+        };
+        let start: Vec<_> = (0..40).map(scattered).collect();
+        // The first time makes room.
+        cpu.advance(&batch, &mut start.clone());
+        let mut poses = start.clone();
+        let count = allocations(|| {
+            std::hint::black_box(cpu.advance(&batch, &mut poses));
+        });
+        assert_eq!(count, 0, "stride {stride}");
+        assert_ne!(poses, start);
     }
 }
 
