@@ -182,6 +182,10 @@ pub struct EstimateArgs {
     /// Who estimates.
     #[arg(long, value_enum, default_value_t = EstimatorChoice::Grip)]
     pub estimator: EstimatorChoice,
+    /// Look for so many objects an image that are not in it, too, in boxes of others: `grip eval` then tells how well
+    /// confidence tells present from absent ones.
+    #[arg(long, value_name = "N", default_value_t = 0, value_parser = clap::value_parser!(u32).range(0..=100))]
+    pub absent: u32,
     /// Settings of the estimator that are not to be its defaults, a JSON file such as {"samples": 100}; the settings in use
     /// are in the summary of --json.
     #[arg(long, value_name = "FILE")]

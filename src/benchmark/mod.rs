@@ -4,7 +4,9 @@ mod boxes;
 mod estimates;
 mod evaluation;
 mod objects;
+mod presence;
 
 pub use boxes::Boxes;
 pub use estimates::{Estimated, Run};
 pub use evaluation::{Case, Figures, THRESHOLDS, evaluate};
+pub use presence::Presence;

@@ -34,6 +34,7 @@ pub fn run(args: &EstimateArgs) -> Result<Done> {
         "dataset": args.dataset,
         "split": dataset.split(),
         "boxes": args.boxes,
+        "absent": args.absent,
         "seed": args.seed,
         "estimator": estimator.name(),
         "settings": settings,
@@ -42,6 +43,7 @@ pub fn run(args: &EstimateArgs) -> Result<Done> {
         dataset: &dataset,
         boxes: &boxes,
         estimator: &*estimator,
+        absent: args.absent as usize,
         seed: args.seed,
         settings: described.to_string(),
     };

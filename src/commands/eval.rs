@@ -6,7 +6,7 @@ use grip_sim::bop::{self, Dataset};
 use serde_json::json;
 
 use super::Done;
-use crate::benchmark::{Case, Figures, evaluate};
+use crate::benchmark::{Case, Figures, Presence, evaluate};
 use crate::cli::EvalArgs;
 use crate::output;
 
@@ -36,6 +36,7 @@ pub fn run(args: &EvalArgs) -> Result<Done> {
             "all": evaluation.all,
             "objects": evaluation.objects,
             "conditions": evaluation.conditions,
+            "presence": evaluation.presence,
         });
         output::data(format_args!("{}", serde_json::to_string_pretty(&json)?))?;
         return Ok(Done::Fully);
@@ -60,7 +61,28 @@ pub fn run(args: &EvalArgs) -> Result<Done> {
         .chain(evaluation.conditions.iter().map(|(name, figures)| row(&format!("view {name}"), figures)))
         .chain([row("all", &evaluation.all)]);
     output::data(format_args!("{}", output::table(header, &[1, 2, 3, 4, 5, 6, 7, 8, 9, 10], rows)))?;
+    output::data(format_args!("{}", confidences(&evaluation.presence)))?;
     Ok(Done::Fully)
+}
+
+/// What the confidences are worth, in a line or two.
+fn confidences(p: &Presence) -> String {
+    let percent = |share: f64| format!("{:.1} %", 100.0 * share);
+    let mut text = format!(
+        "confidence: off by {} on average; {} of {} estimates of present objects have 0.5 or more",
+        percent(p.calibration_error),
+        percent(p.said_there[0]),
+        p.present
+    );
+    if let (Some(auroc), Some(found)) = (p.auroc, p.found_at_5_percent) {
+        text += &format!(
+            ", and {} of {} of absent ones\nthere or not: area under the ROC curve {auroc:.4}; {} of present objects found at 5 % false alarms",
+            percent(p.said_there[1]),
+            p.absent,
+            percent(found)
+        );
+    }
+    text
 }
 
 fn row(name: &str, f: &Figures) -> [String; 11] {
