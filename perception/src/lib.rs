@@ -27,5 +27,6 @@ pub use error::{Error, Result};
 pub use estimator::PoseEstimator;
 pub use footprint::Footprint;
 pub use grip::{Centre, GripEstimator, GripSettings, Holes, PaperEstimator, PaperSettings, SearchLevel};
+pub use hypotheses::{HypothesisRenderer, HypothesisRendererChoice};
 pub use plane::{Plane, PlaneSettings, Support, fit_support_plane};
 pub use posterior::PosePosterior;

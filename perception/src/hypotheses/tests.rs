@@ -38,7 +38,7 @@ pub(crate) fn model(positions: Vec<Point3<f32>>, triangles: Vec<[u32; 3]>) -> Mo
 }
 
 /// A box with one corner cut off by moving it inwards, so that no turn maps it to itself.
-fn skew_box(size: [f32; 3]) -> Model {
+pub(super) fn skew_box(size: [f32; 3]) -> Model {
     let positions = (0..8)
         .map(|i| {
             let cut = if i == 7 { 0.2 } else { 0.5 };
@@ -50,7 +50,7 @@ fn skew_box(size: [f32; 3]) -> Model {
     model(positions, quads.iter().flat_map(|&[a, b, c, d]| [[a, b, c], [a, c, d]]).collect())
 }
 
-fn sphere(radius: f32) -> Model {
+pub(super) fn sphere(radius: f32) -> Model {
     let (rings, sectors) = (24u32, 48u32);
     let mut positions = Vec::new();
     let mut triangles = Vec::new();
@@ -76,7 +76,7 @@ fn settings() -> GripSettings {
 }
 
 /// What the camera sees of a model before a wall 2 m away.
-fn observe(model: &Model, pose: &Isometry3<f32>) -> Observation {
+pub(super) fn observe(model: &Model, pose: &Isometry3<f32>) -> Observation {
     let k = Intrinsics::FETCH;
     let mut frame = CameraFrame {
         rgb: RgbImage::new(640, 480),
@@ -99,7 +99,7 @@ fn observe(model: &Model, pose: &Isometry3<f32>) -> Observation {
     Observation::new(&frame, &settings())
 }
 
-fn placed(x: f32, y: f32, z: f32, turn: Vector3<f32>) -> Isometry3<f32> {
+pub(super) fn placed(x: f32, y: f32, z: f32, turn: Vector3<f32>) -> Isometry3<f32> {
     Isometry3::from_parts(Translation3::new(x, y, z), UnitQuaternion::from_scaled_axis(turn))
 }
 
