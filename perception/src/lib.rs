@@ -33,5 +33,6 @@ pub use footprint::Footprint;
 pub use grip::{
     Centre, GripEstimator, GripSettings, Holes, PaperEstimator, PaperSettings, Ranking, SearchLevel,
 };
+pub use hypotheses::{HypothesisRenderer, HypothesisRendererChoice};
 pub use plane::{Plane, PlaneSettings, Support, fit_support_plane};
 pub use posterior::PosePosterior;
