@@ -16,6 +16,7 @@ mod resting;
 mod score;
 mod search;
 mod settings;
+mod solid;
 
 use std::sync::Arc;
 use std::time::Instant;
@@ -27,6 +28,7 @@ use grip_sim::rng;
 use nalgebra::{Isometry3, Vector3};
 use rayon::prelude::*;
 
+pub use self::joint::JointSettings;
 pub use self::paper::{Centre, Holes, PaperEstimator, PaperSettings, Ranking};
 pub use self::settings::{GripSettings, SearchLevel};
 
@@ -38,10 +40,11 @@ pub(crate) use self::propose::small_rotation;
 #[cfg(test)]
 pub(crate) use self::score::score;
 
+use self::joint::{Joint, Searched};
 use self::model::{ModelCache, directions};
 use self::propose::box_priors;
 use self::search::{FINAL_TRIANGLES, Found, Hypothesis, Search, reach};
-use crate::detector::{Detections, check_frame};
+use crate::detector::{Detection, Detections, check_frame};
 use crate::error::Result;
 use crate::estimator::PoseEstimator;
 use crate::hypotheses::{HypothesisRenderer, Observation};
@@ -89,12 +92,12 @@ impl GripEstimator {
         &self,
         model: &Model,
         observation: &Observation,
-        detections: &Detections,
+        boxes: &[Detection],
         seed: u64,
         stream: &str,
-    ) -> Result<(Option<Found>, f64)> {
+    ) -> Result<Searched> {
         let start = Instant::now();
-        let boxes = box_priors(detections.of(&model.name), observation);
+        let boxes = box_priors(boxes, observation);
         let mut rng = rng::stream(seed, stream);
         let mut renderer = self.renderer.session();
         let found = Search::new(model, observation, &boxes, &self.settings, &mut *renderer).run(&mut rng)?;
@@ -121,56 +124,26 @@ impl PoseEstimator for GripEstimator {
             objects.par_iter().map(|object| self.models.get(object, &counts)).collect::<Result<_>>()?;
         let observation = Observation::new(frame, &self.settings);
         let stream = |i: usize| stream("grip", &models, i);
-        let mut results: Vec<(Option<Found>, f64)> = (0..models.len())
+        let mut results: Vec<Searched> = (0..models.len())
             .into_par_iter()
-            .map(|i| self.search(&models[i], &observation, detections, seed, &stream(i)))
+            .map(|i| {
+                let boxes = detections.of(&models[i].name);
+                self.search(&models[i], &observation, boxes, seed, &stream(i))
+            })
             .collect::<Result<_>>()?;
-        self.settle_conflicts(&models, &observation, &mut results, |i, seen| {
-            self.search(&models[i], seen, detections, seed, &format!("{}/again", stream(i)))
-        })?;
+        if let Some(joint) = &self.settings.joint {
+            let search = |i: usize, seen: &Observation| {
+                let boxes = detections.of(&models[i].name);
+                self.search(&models[i], seen, boxes, seed, &format!("{}/again", stream(i)))
+            };
+            let (models, observation, settings) = (&models, &observation, &self.settings);
+            Joint { models, observation, settings, search }.settle(&mut results, joint)?;
+        }
         Ok(models
             .iter()
             .zip(results)
             .map(|(model, (found, seconds))| posterior(model, found, seconds, &self.settings))
             .collect())
-    }
-}
-
-impl GripEstimator {
-    /// In the order of falling score each object claims the pixels it explains; one that explains mostly what another
-    /// has claimed is searched again with all claimed pixels taken, once.
-    fn settle_conflicts(
-        &self,
-        models: &[Arc<Model>],
-        observation: &Observation,
-        results: &mut [(Option<Found>, f64)],
-        again: impl Fn(usize, &Observation) -> Result<(Option<Found>, f64)>,
-    ) -> Result<()> {
-        let score = |r: &(Option<Found>, f64)| r.0.as_ref().map_or(0.0, |f| f.best.score);
-        let mut order: Vec<usize> = (0..results.len()).collect();
-        order.sort_by(|&a, &b| score(&results[b]).total_cmp(&score(&results[a])).then(a.cmp(&b)));
-        let pitch = observation.level(2).pitch;
-        let mut claims: Vec<Vec<bool>> = Vec::new();
-        let mut taken = vec![false; observation.level(2).w.len()];
-        for i in order {
-            let Some(found) = &results[i].0 else { continue };
-            let mut mine = joint::explained(&models[i], &found.best.pose, observation);
-            let conflict = claims.iter().any(|c| joint::overlap(c, &mine) > self.settings.conflict_share);
-            if conflict && found.best.score > self.settings.hopeless_score {
-                let rest = observation.without(&taken);
-                let (second, seconds) = again(i, &rest)?;
-                let hypotheses = found.hypotheses;
-                results[i].1 += seconds;
-                if let Some(mut second) = second {
-                    second.hypotheses += hypotheses;
-                    mine = joint::explained(&models[i], &second.best.pose, &rest);
-                    results[i].0 = Some(second);
-                }
-            }
-            joint::claim(&mut taken, &mine, pitch);
-            claims.push(mine);
-        }
-        Ok(())
     }
 }
 

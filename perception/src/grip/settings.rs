@@ -2,6 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::joint::JointSettings;
 use crate::detector::Workspace;
 use crate::error::{Error, Result};
 use crate::hypotheses::STRIDES;
@@ -112,9 +113,8 @@ pub struct GripSettings {
     pub presence_score: f64,
     /// Scale of the logistic function about it.
     pub presence_scale: f64,
-    /// Two objects that explain the same pixels, by more than this share of either one's inliers, are in conflict: the
-    /// one with the lower score is searched again without those pixels.
-    pub conflict_share: f64,
+    /// How objects are looked at together after each was searched on its own; `None` for not at all (the paper: not).
+    pub joint: Option<JointSettings>,
     /// How the support plane is found; `None` searches without one.
     pub plane: Option<PlaneSettings>,
     /// Only points in here can be an object's, in the world frame; `None` for everywhere.
@@ -151,7 +151,7 @@ impl Default for GripSettings {
             max_restarts: 8,
             sure_score: 0.75,
             twins: true,
-            hopeless_score: 0.4,
+            hopeless_score: 0.3,
             fit_weight: 0.6,
             edge_weight: 0.4,
             box_weight: 0.3,
@@ -174,7 +174,7 @@ impl Default for GripSettings {
             posterior_temperature: 0.03,
             presence_score: 0.5,
             presence_scale: 0.04,
-            conflict_share: 0.5,
+            joint: Some(JointSettings::default()),
             plane: Some(PlaneSettings::default()),
             workspace: None,
         }
@@ -241,6 +241,6 @@ impl GripSettings {
         if !(0.0..=1.0).contains(&self.resting_share) {
             return bad("resting_share", self.resting_share.to_string(), "0 to 1; try 0.5");
         }
-        Ok(())
+        self.joint.as_ref().map_or(Ok(()), JointSettings::check)
     }
 }
