@@ -26,6 +26,9 @@ pub use detector::{Detection, Detections, Detector, WholeImage, Workspace};
 pub use error::{Error, Result};
 pub use estimator::PoseEstimator;
 pub use footprint::Footprint;
-pub use grip::{Centre, GripEstimator, GripSettings, Holes, PaperEstimator, PaperSettings, SearchLevel};
+pub use grip::{
+    Centre, ColourSettings, ColourVerdict, GripEstimator, GripSettings, Holes, PaperEstimator, PaperSettings,
+    SearchLevel,
+};
 pub use plane::{Plane, PlaneSettings, Support, fit_support_plane};
 pub use posterior::PosePosterior;

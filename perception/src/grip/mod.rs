@@ -1,12 +1,13 @@
 //! GRIP's second stage: iterated likelihood weighting over rendered pose hypotheses, on the CPU.
 //!
 //! Read in this order: [`settings`](GripSettings), `model` (an object, prepared), `propose`, [`crate::hypotheses`] (renders,
-//! compares and moves them), `score`, `search` (one object), `joint` (all of them).
+//! compares and moves them), `score`, `search` (one object), `joint` (all of them), `colour` (what depth cannot tell).
 //!
 //! DIFFERENCE to the paper: hypotheses are pulled towards the data by Gauss-Newton steps before they are weighed, weights
 //! are tempered, resolution goes from coarse to fine, and independent restarts replace hundreds of iterations. The
 //! principle, generate and weigh by rendering, is the same. `paper` is the method without these differences.
 
+mod colour;
 mod joint;
 mod model;
 mod paper;
@@ -27,6 +28,7 @@ use grip_sim::rng;
 use nalgebra::{Isometry3, Vector3};
 use rayon::prelude::*;
 
+pub use self::colour::{ColourSettings, ColourVerdict};
 pub use self::paper::{Centre, Holes, PaperEstimator, PaperSettings};
 pub use self::settings::{GripSettings, SearchLevel};
 
@@ -34,6 +36,7 @@ pub(crate) use self::model::Model;
 #[cfg(test)]
 pub(crate) use self::score::score;
 
+use self::colour::Picture;
 use self::model::{ModelCache, directions};
 use self::propose::box_priors;
 use self::search::{FINAL_TRIANGLES, Found, Hypothesis, Search, reach};
@@ -116,10 +119,13 @@ impl PoseEstimator for GripEstimator {
         self.settle_conflicts(&models, &observation, &mut results, |i, seen| {
             self.search(&models[i], seen, detections, seed, &format!("{}/again", stream(i)))
         });
+        let colours = self.look_at_colours(frame, &models, &observation, detections, &mut results);
         Ok(models
             .iter()
             .zip(results)
             .map(|(model, (found, seconds))| posterior(model, found, seconds, &self.settings))
+            .zip(colours)
+            .map(|(belief, colour)| PosePosterior { colour, ..belief })
             .collect())
     }
 }
@@ -158,6 +164,32 @@ impl GripEstimator {
             joint::claim(&mut taken, &mine, pitch);
             claims.push(mine);
         }
+    }
+}
+
+impl GripEstimator {
+    /// Lets colour decide between poses that depth cannot tell apart.
+    fn look_at_colours(
+        &self,
+        frame: &CameraFrame,
+        models: &[Arc<Model>],
+        observation: &Observation,
+        detections: &Detections,
+        results: &mut [(Option<Found>, f64)],
+    ) -> Vec<Option<ColourVerdict>> {
+        let picture =
+            self.settings.colour.as_ref().and_then(|settings| Some((settings, Picture::new(frame)?)));
+        let decided = |(model, (found, seconds)): (&Arc<Model>, &mut (Option<Found>, f64))| {
+            let ((settings, picture), found) = (picture.as_ref()?, found.as_mut()?);
+            let start = Instant::now();
+            let boxes = box_priors(detections.of(&model.name), observation);
+            let mut renderer = Cpu::default();
+            let mut search = Search::new(model, observation, &boxes, &self.settings, &mut renderer);
+            let verdict = colour::decide(model, found, observation, picture, &mut search, settings);
+            *seconds += start.elapsed().as_secs_f64();
+            verdict
+        };
+        models.par_iter().zip(results).map(decided).collect()
     }
 }
 
@@ -204,6 +236,7 @@ fn belief(
             restarts: 0,
             hypotheses: 0,
             seconds,
+            colour: None,
         };
     };
     let (position_std_m, rotation_std_rad) = spread(model, &found, &weights);
@@ -219,6 +252,7 @@ fn belief(
         restarts: found.restarts,
         hypotheses: found.hypotheses,
         seconds,
+        colour: None,
     }
 }
 

@@ -1,10 +1,12 @@
 //! Objects prepared for the filters: levels of detail, extreme points, resting orientations.
 
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
+use grip_sim::mesh::Visual;
 use grip_sim::objects::ObjectModel;
 use nalgebra::Vector3;
 
+use super::colour::{Looks, Turns};
 use super::resting::{Resting, resting_orientations};
 use crate::error::{Error, Result};
 use crate::hypotheses::{Lod, simplify, weld};
@@ -28,6 +30,9 @@ pub(crate) struct Model {
     /// Middle of the bounding box.
     pub middle: Vector3<f32>,
     pub resting: Vec<Resting>,
+    visual: Arc<Visual>,
+    looks: OnceLock<Option<Looks>>,
+    turns: OnceLock<Turns>,
 }
 
 impl Model {
@@ -65,7 +70,28 @@ impl Model {
         let middle = (bound(f32::min) + bound(f32::max)) / 2.0;
         let centroid = volume_centroid(&positions, &triangles);
         let resting = resting_orientations(&hull, centroid);
-        Ok(Self { name, lods, hull, outline, radius, middle, resting })
+        Ok(Self {
+            name,
+            lods,
+            hull,
+            outline,
+            radius,
+            middle,
+            resting,
+            visual: object.visual.clone(),
+            looks: OnceLock::new(),
+            turns: OnceLock::new(),
+        })
+    }
+
+    /// What is printed on it, if anything; prepared when first asked for.
+    pub fn looks(&self) -> Option<&Looks> {
+        self.looks.get_or_init(|| Looks::new(&self.visual)).as_ref()
+    }
+
+    /// The turns that depth may not notice; prepared when first asked for.
+    pub fn turns(&self) -> &Turns {
+        self.turns.get_or_init(|| Turns::new(&self.hull, &self.middle, self.radius))
     }
 
     /// The coarsest mesh of at least `triangles`.

@@ -1,0 +1,190 @@
+//! Colour where depth cannot decide: of poses that explain the depth image equally well, the one whose printed surface
+//! explains the colours. The last step, after the search; it never overrules geometry.
+//!
+//! Read in this order: [`ColourSettings`], `turns` (which poses depth confuses), `looks` (an object's printed surface),
+//! `picture` (the colour image, prepared), `evidence` (one pose against the picture), and the decision, here.
+//!
+//! DIFFERENCE to the paper: its filter looks at depth alone. Set [`super::GripSettings::colour`] to `None` for that.
+
+mod evidence;
+mod looks;
+mod picture;
+mod settings;
+#[cfg(test)]
+mod tests;
+mod turns;
+
+use std::f32::consts::TAU;
+
+use nalgebra::{Isometry3, UnitQuaternion};
+use serde::{Deserialize, Serialize};
+
+pub use self::settings::ColourSettings;
+
+pub(crate) use self::looks::Looks;
+pub(crate) use self::picture::Picture;
+pub(crate) use self::turns::Turns;
+
+use self::evidence::{Evidence, View};
+use super::model::Model;
+use super::search::{Found, Hypothesis, Search};
+use crate::hypotheses::Observation;
+
+/// What colour had to say about a pose.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ColourVerdict {
+    /// Poses compared with the one that depth prefers.
+    pub candidates: usize,
+    /// Log-likelihood that the best of them gains over that one, nats a point of the surface; below
+    /// [`ColourSettings::min_gain`] nothing is decided.
+    pub gain: f64,
+    /// Sum of the gains of the patches of the image over the root of the sum of their squares, which is a z-score where no
+    /// patch says anything; below [`ColourSettings::min_consistency`] nothing is decided.
+    pub consistency: f64,
+    /// Whether the pose was left as depth has it.
+    pub abstained: bool,
+}
+
+/// Modes of the population that are looked at besides the turns: more would be noise of the search.
+const MOST_MODES: usize = 6;
+/// Two poses are one mode when they are turned against each other by less, radians.
+const SAME_MODE_RAD: f32 = 0.35;
+/// Winners that geometry may refuse before colour gives up: each costs a polish.
+const MOST_POLISHED: usize = 4;
+/// Coarse turns of a body of revolution that are refined.
+const REFINED: usize = 3;
+/// Halvings of the step of these: from 15 degrees to half a degree.
+const HALVINGS: usize = 5;
+
+/// A pose, and how much better than the present one it explains the picture.
+#[derive(Debug, Clone, Copy)]
+struct Candidate {
+    pose: Isometry3<f32>,
+    against: Against,
+}
+
+/// Evidence for one pose against another.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+struct Against {
+    /// Log-likelihood ratio, nats.
+    total: f32,
+    /// The same a point.
+    gain: f32,
+    /// See [`ColourVerdict::consistency`].
+    consistency: f32,
+}
+
+impl Against {
+    fn decides(&self, settings: &ColourSettings) -> bool {
+        self.gain >= settings.min_gain && self.consistency >= settings.min_consistency
+    }
+}
+
+/// Replaces the best pose of `found` by a geometrically equal one that explains the picture significantly better, if there
+/// is one. `None` when there is nothing to go by: no print on the object, nothing to confuse the pose with, too little seen.
+pub(crate) fn decide(
+    model: &Model,
+    found: &mut Found,
+    observation: &Observation,
+    picture: &Picture,
+    search: &mut Search<'_>,
+    settings: &ColourSettings,
+) -> Option<ColourVerdict> {
+    let looks = model.looks()?;
+    let turns = model.turns();
+    let best = found.best.pose;
+    let view = View::new(looks, &best, observation, picture)?;
+    let seen = |pose: &Isometry3<f32>| view.evidence(looks, pose);
+    let present = seen(&best).filter(|e| e.points >= settings.min_points)?;
+    let judged = |pose: Isometry3<f32>| -> Option<Candidate> {
+        Some(Candidate { pose, against: seen(&pose)?.against(&present) })
+    };
+    let turned = |q: &UnitQuaternion<f32>| turns::about(&best, &model.middle, q);
+    let mut candidates: Vec<Candidate> = Vec::new();
+    if let Some(axis) = &turns.revolution {
+        let step = TAU / settings.revolution_steps as f32;
+        for start in &turns.ends {
+            let at = |angle: f32| judged(turned(&(UnitQuaternion::from_axis_angle(axis, angle) * start)));
+            let mut coarse: Vec<(f32, Candidate)> = (0..settings.revolution_steps)
+                .map(|i| i as f32 * step)
+                .filter_map(|a| Some((a, at(a)?)))
+                .collect();
+            coarse.sort_by(|a, b| b.1.against.total.total_cmp(&a.1.against.total));
+            candidates.extend(coarse.iter().take(REFINED).map(|&(angle, c)| refined(angle, c, step, at)));
+        }
+    } else {
+        let modes = modes(found, settings.depth_margin, turns.ends.iter().map(turned).collect());
+        candidates.extend(modes.into_iter().filter_map(judged));
+    }
+    let compared = candidates.len();
+    candidates.sort_by(|a, b| b.against.total.total_cmp(&a.against.total));
+    let first = candidates.first()?.against;
+    let mut verdict = ColourVerdict {
+        candidates: compared,
+        gain: f64::from(first.gain),
+        consistency: f64::from(first.consistency),
+        abstained: true,
+    };
+    let standing: Vec<Isometry3<f32>> = candidates
+        .iter()
+        .filter(|c| c.against.decides(settings))
+        .map(|c| c.pose)
+        .take(MOST_POLISHED)
+        .collect();
+    if standing.is_empty() {
+        return Some(verdict);
+    }
+    // Both polished in the same frame, so that their scores are comparable.
+    let least = search.polished(vec![best])[0].score - settings.depth_margin;
+    for pose in standing {
+        let polished = search.polished(vec![pose])[0];
+        let against = seen(&polished.pose).map(|e: Evidence| e.against(&present));
+        let Some(against) = against.filter(|a| polished.score >= least && a.decides(settings)) else {
+            continue;
+        };
+        verdict.gain = f64::from(against.gain);
+        verdict.consistency = f64::from(against.consistency);
+        verdict.abstained = false;
+        found.best = polished;
+        found.population.insert(0, polished);
+        break;
+    }
+    Some(verdict)
+}
+
+/// Golden-section would need a smooth curve; print is not smooth, so: halve the step and go to the better side.
+fn refined(
+    mut angle: f32,
+    mut best: Candidate,
+    mut step: f32,
+    at: impl Fn(f32) -> Option<Candidate>,
+) -> Candidate {
+    for _ in 0..HALVINGS {
+        step /= 2.0;
+        for side in [angle - step, angle + step] {
+            if let Some(c) = at(side)
+                && c.against.total > best.against.total
+            {
+                (angle, best) = (side, c);
+            }
+        }
+    }
+    best
+}
+
+/// The turned poses, and those of the population within the margin of the best that are none of them.
+fn modes(found: &Found, margin: f32, mut poses: Vec<Isometry3<f32>>) -> Vec<Isometry3<f32>> {
+    let turned = poses.len();
+    let near = |h: &&Hypothesis| h.score > found.best.score - margin;
+    for h in found.population.iter().filter(near) {
+        if poses.len() == turned + MOST_MODES {
+            break;
+        }
+        let known = |p: &Isometry3<f32>| p.rotation.angle_to(&h.pose.rotation) < SAME_MODE_RAD;
+        if !known(&found.best.pose) && !poses.iter().any(known) {
+            poses.push(h.pose);
+        }
+    }
+    poses
+}
