@@ -12,7 +12,7 @@ const POINTS: usize = 4000;
 /// Places where the print is read for each point: what the camera sees at this distance is their mean.
 const READINGS: usize = 16;
 /// Print that varies by less is none: root mean square of the log of colour, by channel.
-const PLAIN: f32 = 0.03;
+const PLAIN: f32 = 0.08;
 /// Added to colours before the logarithm, so that near-black is not infinitely different from black.
 const DARK: f32 = 0.05;
 

@@ -104,43 +104,46 @@ pub(crate) fn decide(
     let mut candidates: Vec<Candidate> = Vec::new();
     if let Some(axis) = &turns.revolution {
         let step = TAU / settings.revolution_steps as f32;
-        for start in &turns.ends {
-            let at = |angle: f32| judged(turned(&(UnitQuaternion::from_axis_angle(axis, angle) * start)));
-            let mut coarse: Vec<(f32, Candidate)> = (0..settings.revolution_steps)
-                .map(|i| i as f32 * step)
-                .filter_map(|a| Some((a, at(a)?)))
-                .collect();
-            coarse.sort_by(|a, b| b.1.against.total.total_cmp(&a.1.against.total));
-            candidates.extend(coarse.iter().take(REFINED).map(|&(angle, c)| refined(angle, c, step, at)));
+        for end in &turns.ends {
+            let at = |angle: f32| judged(turned(&(UnitQuaternion::from_axis_angle(axis, angle) * end)));
+            candidates.extend(peaks(settings.revolution_steps, step, at));
         }
+        let near = |angle: f32| judged(turned(&UnitQuaternion::from_axis_angle(axis, angle)));
+        candidates.extend(near(0.0).map(|still| refined(0.0, still, step, near)));
     } else {
         let modes = modes(found, settings.depth_margin, turns.ends.iter().map(turned).collect());
         candidates.extend(modes.into_iter().filter_map(judged));
     }
-    let compared = candidates.len();
+    // Print often repeats around a can: one that is nearly right is put right, not turned to the next copy.
+    let nearby = candidates.last().filter(|_| turns.revolution.is_some()).copied();
+    let nearby_evidence = nearby.and_then(|c| seen(&c.pose));
+    let settled = |pose: &Isometry3<f32>, evidence: &Evidence| {
+        let rival = nearby_evidence.as_ref().filter(|_| nearby.is_some_and(|c| c.pose != *pose));
+        let against = evidence.against(&present);
+        let wins = rival.is_none_or(|rival| evidence.against(rival).decides(settings));
+        (wins && against.decides(settings)).then_some(against)
+    };
     candidates.sort_by(|a, b| b.against.total.total_cmp(&a.against.total));
     let first = candidates.first()?.against;
     let mut verdict = ColourVerdict {
-        candidates: compared,
+        candidates: candidates.len(),
         gain: f64::from(first.gain),
         consistency: f64::from(first.consistency),
         abstained: true,
     };
-    let standing: Vec<Isometry3<f32>> = candidates
-        .iter()
-        .filter(|c| c.against.decides(settings))
-        .map(|c| c.pose)
-        .take(MOST_POLISHED)
-        .collect();
-    if standing.is_empty() {
-        return Some(verdict);
-    }
-    // Both polished in the same frame, so that their scores are comparable.
-    let least = search.polished(vec![best])[0].score - settings.depth_margin;
-    for pose in standing {
-        let polished = search.polished(vec![pose])[0];
-        let against = seen(&polished.pose).map(|e: Evidence| e.against(&present));
-        let Some(against) = against.filter(|a| polished.score >= least && a.decides(settings)) else {
+    let mut least = None;
+    let standing = candidates.iter().filter(|c| seen(&c.pose).and_then(|e| settled(&c.pose, &e)).is_some());
+    for candidate in standing.take(MOST_POLISHED) {
+        // Both polished in the same frame, so that their scores are comparable.
+        let least =
+            *least.get_or_insert_with(|| search.polished(vec![best])[0].score - settings.depth_margin);
+        let polished = search.polished(vec![candidate.pose])[0];
+        if polished.score < least {
+            continue;
+        }
+        // The polish may have moved it.
+        let Some(against) = seen(&polished.pose).map(|e| e.against(&present)).filter(|a| a.decides(settings))
+        else {
             continue;
         };
         verdict.gain = f64::from(against.gain);
@@ -153,7 +156,20 @@ pub(crate) fn decide(
     Some(verdict)
 }
 
-/// Golden-section would need a smooth curve; print is not smooth, so: halve the step and go to the better side.
+/// The best turns of a body of revolution: the highest of the maxima among coarse steps, refined by halving the step.
+fn peaks(steps: usize, step: f32, at: impl Fn(f32) -> Option<Candidate>) -> Vec<Candidate> {
+    let coarse: Vec<Option<Candidate>> = (0..steps).map(|i| at(i as f32 * step)).collect();
+    let height = |i: usize| coarse[i % steps].map_or(f32::MIN, |c| c.against.total);
+    let mut maxima: Vec<(usize, Candidate)> = (0..steps)
+        .filter(|&i| height(i) >= height(i + 1) && height(i) > height(i + steps - 1))
+        .filter_map(|i| Some((i, coarse[i]?)))
+        .collect();
+    maxima.sort_by(|a, b| b.1.against.total.total_cmp(&a.1.against.total));
+    maxima.truncate(REFINED);
+    maxima.into_iter().map(|(i, best)| refined(i as f32 * step, best, step, &at)).collect()
+}
+
+/// A turn moved to the better side by steps that are halved.
 fn refined(
     mut angle: f32,
     mut best: Candidate,
