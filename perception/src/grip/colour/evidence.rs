@@ -3,8 +3,8 @@
 //! The picture of a point is modelled as `gain * light * colour + veil`: gain is exposure times brightness of the light, light
 //! its colour, veil what a glossy surface mirrors of the room. What is compared is the logarithm, in which gain, light and
 //! shading are sums: gain and light are fitted to each pose, light within bounds, and shading is taken out as the median over
-//! a patch of the image. The likelihood is a normal law, as wide as model error and noise of the image together, over a
-//! floor of outliers: highlights, shadows' edges, what hides the object.
+//! a patch of the image. Residuals, in units of model error and noise of the image together, go through Geman and McClure's
+//! function, which bounds what a point can say: highlights, edges of shadows and what hides the object are outliers.
 
 use nalgebra::Isometry3;
 
@@ -24,8 +24,8 @@ const TINT: f32 = 0.5;
 /// Model error of log brightness after shading is taken out, and of the log ratios of channels.
 const BRIGHTNESS_ERROR: f32 = 0.2;
 const COLOUR_ERROR: f32 = 0.25;
-/// Share of outliers.
-const OUTLIERS: f32 = 0.05;
+/// The most that one residual can cost, nats: a normal law's for 2.4 standard deviations.
+const MOST: f32 = 3.0;
 /// Noise is taken for this many times of what is measured: what the median misses of its tails.
 const NOISE: f32 = 1.5;
 /// A patch of the image is this many points wide.
@@ -89,8 +89,8 @@ impl<'a> View<'a> {
         Some(Self { picture, depth, patch, columns: count(depth.width), rows: count(depth.height) })
     }
 
-    /// The points that are seen at a pose: that face the camera, and are where the reading is.
-    fn seen(&self, looks: &Looks, pose: &Isometry3<f32>) -> Vec<Seen> {
+    /// Which of one point in `every` are seen at a pose: that face the camera, and are where the reading is.
+    fn seen(&self, looks: &Looks, pose: &Isometry3<f32>, every: usize) -> Vec<Seen> {
         let r = pose.rotation.to_rotation_matrix();
         let level = self.depth;
         let visible = |point: &super::looks::Point| {
@@ -107,12 +107,12 @@ impl<'a> View<'a> {
             let patch = (v / self.patch) as usize * self.columns + (u / self.patch) as usize;
             read.then_some(Seen { patch: patch as u32, colour: point.colour, observed })
         };
-        looks.points.iter().filter_map(visible).collect()
+        looks.points.iter().step_by(every).filter_map(visible).collect()
     }
 
-    /// How the points at `pose` agree with the picture; `None` where too few are seen, or no light.
-    pub fn evidence(&self, looks: &Looks, pose: &Isometry3<f32>) -> Option<Evidence> {
-        let mut seen = self.seen(looks, pose);
+    /// How one point in `every` at `pose` agrees with the picture; `None` where too few are seen, or no light.
+    pub fn evidence(&self, looks: &Looks, pose: &Isometry3<f32>, every: usize) -> Option<Evidence> {
+        let mut seen = self.seen(looks, pose, every);
         let (gain, light) = fitted(&seen)?;
         seen.sort_by_key(|s| s.patch);
         let mut patches = vec![(0, 0.0); self.columns * self.rows];
@@ -160,10 +160,10 @@ impl Evidence {
     }
 }
 
-/// Log-likelihood of a squared, normalised residual, but for a constant.
+/// Log-likelihood of a squared, normalised residual: `-x / 2` near 0, [`MOST`] far off.
 #[inline]
 fn likelihood(squared: f32) -> f32 {
-    ((1.0 - OUTLIERS) * (-0.5 * squared).exp() + OUTLIERS).ln()
+    -MOST * squared / (squared + 2.0 * MOST)
 }
 
 /// Log of what is seen over what is expected, by channel.

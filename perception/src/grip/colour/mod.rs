@@ -52,7 +52,9 @@ const MOST_MODES: usize = 6;
 const SAME_MODE_RAD: f32 = 0.35;
 /// Winners that geometry may refuse before colour gives up: each costs a polish.
 const MOST_POLISHED: usize = 4;
-/// Coarse turns of a body of revolution that are refined.
+/// Coarse turns of a body of revolution are compared by one point in so many,
+const COARSE: usize = 3;
+/// and the best are refined.
 const REFINED: usize = 3;
 /// Halvings of the step of these: from 15 degrees to half a degree.
 const HALVINGS: usize = 5;
@@ -95,7 +97,7 @@ pub(crate) fn decide(
     let turns = model.turns();
     let best = found.best.pose;
     let view = View::new(looks, &best, observation, picture)?;
-    let seen = |pose: &Isometry3<f32>| view.evidence(looks, pose);
+    let seen = |pose: &Isometry3<f32>| view.evidence(looks, pose, 1);
     let present = seen(&best).filter(|e| e.points >= settings.min_points)?;
     let judged = |pose: Isometry3<f32>| -> Option<Candidate> {
         Some(Candidate { pose, against: seen(&pose)?.against(&present) })
@@ -104,12 +106,26 @@ pub(crate) fn decide(
     let mut candidates: Vec<Candidate> = Vec::new();
     if let Some(axis) = &turns.revolution {
         let step = TAU / settings.revolution_steps as f32;
-        for end in &turns.ends {
-            let at = |angle: f32| judged(turned(&(UnitQuaternion::from_axis_angle(axis, angle) * end)));
-            candidates.extend(peaks(settings.revolution_steps, step, at));
+        let at = |angle: f32, end| turned(&(UnitQuaternion::from_axis_angle(axis, angle) * end));
+        let sketch = view.evidence(looks, &best, COARSE)?;
+        let height = |pose: &Isometry3<f32>| {
+            view.evidence(looks, pose, COARSE).map_or(f32::MIN, |e| e.against(&sketch).total)
+        };
+        let mut peaks: Vec<(f32, f32, usize)> = Vec::new();
+        for (i, end) in turns.ends.iter().enumerate() {
+            let heights: Vec<f32> =
+                (0..settings.revolution_steps).map(|k| height(&at(k as f32 * step, end))).collect();
+            peaks.extend(maxima(&heights).map(|k| (heights[k], k as f32 * step, i)));
         }
-        let near = |angle: f32| judged(turned(&UnitQuaternion::from_axis_angle(axis, angle)));
-        candidates.extend(near(0.0).map(|still| refined(0.0, still, step, near)));
+        peaks.sort_by(|a, b| b.0.total_cmp(&a.0));
+        peaks.truncate(REFINED);
+        // The present pose's own peak last, see below.
+        peaks.push((0.0, 0.0, 0));
+        candidates.extend(
+            peaks
+                .into_iter()
+                .filter_map(|(_, angle, i)| refined(angle, step, |angle| judged(at(angle, &turns.ends[i])))),
+        );
     } else {
         let modes = modes(found, settings.depth_margin, turns.ends.iter().map(turned).collect());
         candidates.extend(modes.into_iter().filter_map(judged));
@@ -156,26 +172,16 @@ pub(crate) fn decide(
     Some(verdict)
 }
 
-/// The best turns of a body of revolution: the highest of the maxima among coarse steps, refined by halving the step.
-fn peaks(steps: usize, step: f32, at: impl Fn(f32) -> Option<Candidate>) -> Vec<Candidate> {
-    let coarse: Vec<Option<Candidate>> = (0..steps).map(|i| at(i as f32 * step)).collect();
-    let height = |i: usize| coarse[i % steps].map_or(f32::MIN, |c| c.against.total);
-    let mut maxima: Vec<(usize, Candidate)> = (0..steps)
-        .filter(|&i| height(i) >= height(i + 1) && height(i) > height(i + steps - 1))
-        .filter_map(|i| Some((i, coarse[i]?)))
-        .collect();
-    maxima.sort_by(|a, b| b.1.against.total.total_cmp(&a.1.against.total));
-    maxima.truncate(REFINED);
-    maxima.into_iter().map(|(i, best)| refined(i as f32 * step, best, step, &at)).collect()
+/// Where a closed curve has its maxima.
+fn maxima(heights: &[f32]) -> impl Iterator<Item = usize> {
+    let count = heights.len();
+    let at = move |i: usize| heights[i % count];
+    (0..count).filter(move |&i| at(i) >= at(i + 1) && at(i) > at(i + count - 1))
 }
 
-/// A turn moved to the better side by steps that are halved.
-fn refined(
-    mut angle: f32,
-    mut best: Candidate,
-    mut step: f32,
-    at: impl Fn(f32) -> Option<Candidate>,
-) -> Candidate {
+/// The turn by `angle` moved to the better side by steps that are halved.
+fn refined(mut angle: f32, mut step: f32, at: impl Fn(f32) -> Option<Candidate>) -> Option<Candidate> {
+    let mut best = at(angle)?;
     for _ in 0..HALVINGS {
         step /= 2.0;
         for side in [angle - step, angle + step] {
@@ -186,7 +192,7 @@ fn refined(
             }
         }
     }
-    best
+    Some(best)
 }
 
 /// The turned poses, and those of the population within the margin of the best that are none of them.
