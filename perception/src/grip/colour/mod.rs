@@ -25,9 +25,9 @@ pub(crate) use self::looks::Looks;
 pub(crate) use self::picture::Picture;
 pub(crate) use self::turns::Turns;
 
-use self::evidence::{Evidence, View};
+use self::evidence::View;
 use super::model::Model;
-use super::search::{Found, Hypothesis, Search};
+use super::search::{Found, Search};
 use crate::hypotheses::Observation;
 
 /// What colour had to say about a pose.
@@ -56,8 +56,8 @@ const MOST_POLISHED: usize = 4;
 const COARSE: usize = 3;
 /// and the best are refined.
 const REFINED: usize = 3;
-/// Halvings of the step of these: from 15 degrees to half a degree.
-const HALVINGS: usize = 5;
+/// Halvings of the step of these: from 15 degrees to one.
+const HALVINGS: usize = 4;
 
 /// A pose, and how much better than the present one it explains the picture.
 #[derive(Debug, Clone, Copy)]
@@ -94,7 +94,6 @@ pub(crate) fn decide(
     settings: &ColourSettings,
 ) -> Option<ColourVerdict> {
     let looks = model.looks()?;
-    let turns = model.turns();
     let best = found.best.pose;
     let view = View::new(looks, &best, observation, picture)?;
     let seen = |pose: &Isometry3<f32>| view.evidence(looks, pose, 1);
@@ -102,43 +101,29 @@ pub(crate) fn decide(
     let judged = |pose: Isometry3<f32>| -> Option<Candidate> {
         Some(Candidate { pose, against: seen(&pose)?.against(&present) })
     };
-    let turned = |q: &UnitQuaternion<f32>| turns::about(&best, &model.middle, q);
-    let mut candidates: Vec<Candidate> = Vec::new();
+    let turns = model.turns();
+    let (mut candidates, mut near) = (Vec::new(), None);
     if let Some(axis) = &turns.revolution {
         let step = TAU / settings.revolution_steps as f32;
-        let at = |angle: f32, end| turned(&(UnitQuaternion::from_axis_angle(axis, angle) * end));
+        let turned = |angle: f32, end: &UnitQuaternion<f32>| {
+            turns::about(&best, &model.middle, &(UnitQuaternion::from_axis_angle(axis, angle) * end))
+        };
         let sketch = view.evidence(looks, &best, COARSE)?;
         let height = |pose: &Isometry3<f32>| {
             view.evidence(looks, pose, COARSE).map_or(f32::MIN, |e| e.against(&sketch).total)
         };
-        let mut peaks: Vec<(f32, f32, usize)> = Vec::new();
-        for (i, end) in turns.ends.iter().enumerate() {
-            let heights: Vec<f32> =
-                (0..settings.revolution_steps).map(|k| height(&at(k as f32 * step, end))).collect();
-            peaks.extend(maxima(&heights).map(|k| (heights[k], k as f32 * step, i)));
-        }
-        peaks.sort_by(|a, b| b.0.total_cmp(&a.0));
-        peaks.truncate(REFINED);
-        // The present pose's own peak last, see below.
-        peaks.push((0.0, 0.0, 0));
+        let peaks = peaks(turns, settings.revolution_steps, |angle, end| height(&turned(angle, end)));
         candidates.extend(
             peaks
                 .into_iter()
-                .filter_map(|(_, angle, i)| refined(angle, step, |angle| judged(at(angle, &turns.ends[i])))),
+                .filter_map(|(angle, end)| refined(angle, step, |angle| judged(turned(angle, end)))),
         );
+        let still = UnitQuaternion::identity();
+        near = refined(0.0, step, |angle| judged(turned(angle, &still)));
+        candidates.extend(near);
     } else {
-        let modes = modes(found, settings.depth_margin, turns.ends.iter().map(turned).collect());
-        candidates.extend(modes.into_iter().filter_map(judged));
+        candidates.extend(modes(model, found, settings.depth_margin).into_iter().filter_map(judged));
     }
-    // Print often repeats around a can: one that is nearly right is put right, not turned to the next copy.
-    let nearby = candidates.last().filter(|_| turns.revolution.is_some()).copied();
-    let nearby_evidence = nearby.and_then(|c| seen(&c.pose));
-    let settled = |pose: &Isometry3<f32>, evidence: &Evidence| {
-        let rival = nearby_evidence.as_ref().filter(|_| nearby.is_some_and(|c| c.pose != *pose));
-        let against = evidence.against(&present);
-        let wins = rival.is_none_or(|rival| evidence.against(rival).decides(settings));
-        (wins && against.decides(settings)).then_some(against)
-    };
     candidates.sort_by(|a, b| b.against.total.total_cmp(&a.against.total));
     let first = candidates.first()?.against;
     let mut verdict = ColourVerdict {
@@ -147,36 +132,53 @@ pub(crate) fn decide(
         consistency: f64::from(first.consistency),
         abstained: true,
     };
+    // Print often repeats around a can: one that is nearly right is put right, not turned to the next copy.
+    let rival = near.and_then(|n| Some((n.pose, seen(&n.pose)?)));
+    let beats_rival = |pose: &Isometry3<f32>| {
+        rival.as_ref().is_none_or(|(near, evidence)| {
+            near == pose || seen(pose).is_some_and(|e| e.against(evidence).decides(settings))
+        })
+    };
+    let standing = candidates
+        .iter()
+        .map(|c| (c.pose, c.against))
+        .filter(|(pose, a)| a.decides(settings) && beats_rival(pose));
     let mut least = None;
-    let standing = candidates.iter().filter(|c| seen(&c.pose).and_then(|e| settled(&c.pose, &e)).is_some());
-    for candidate in standing.take(MOST_POLISHED) {
+    for (pose, _) in standing.take(MOST_POLISHED) {
         // Both polished in the same frame, so that their scores are comparable.
         let least =
             *least.get_or_insert_with(|| search.polished(vec![best])[0].score - settings.depth_margin);
-        let polished = search.polished(vec![candidate.pose])[0];
-        if polished.score < least {
-            continue;
-        }
+        let polished = search.polished(vec![pose])[0];
         // The polish may have moved it.
-        let Some(against) = seen(&polished.pose).map(|e| e.against(&present)).filter(|a| a.decides(settings))
-        else {
-            continue;
-        };
-        verdict.gain = f64::from(against.gain);
-        verdict.consistency = f64::from(against.consistency);
-        verdict.abstained = false;
-        found.best = polished;
-        found.population.insert(0, polished);
-        break;
+        let against = seen(&polished.pose).map(|e| e.against(&present)).unwrap_or_default();
+        if polished.score >= least && against.decides(settings) {
+            verdict.gain = f64::from(against.gain);
+            verdict.consistency = f64::from(against.consistency);
+            verdict.abstained = false;
+            found.best = polished;
+            found.population.insert(0, polished);
+            break;
+        }
     }
     Some(verdict)
 }
 
-/// Where a closed curve has its maxima.
-fn maxima(heights: &[f32]) -> impl Iterator<Item = usize> {
-    let count = heights.len();
-    let at = move |i: usize| heights[i % count];
-    (0..count).filter(move |&i| at(i) >= at(i + 1) && at(i) > at(i + count - 1))
+/// The turns of a body of revolution, as angle and end, that are the highest maxima of `height` among coarse steps.
+fn peaks(
+    turns: &Turns,
+    steps: usize,
+    height: impl Fn(f32, &UnitQuaternion<f32>) -> f32,
+) -> Vec<(f32, &UnitQuaternion<f32>)> {
+    let angle = |k: usize| TAU * k as f32 / steps as f32;
+    let mut peaks: Vec<(f32, f32, &UnitQuaternion<f32>)> = Vec::new();
+    for end in &turns.ends {
+        let heights: Vec<f32> = (0..steps).map(|k| height(angle(k), end)).collect();
+        let at = |k: usize| heights[k % steps];
+        let maxima = (0..steps).filter(|&k| at(k) >= at(k + 1) && at(k) > at(k + steps - 1));
+        peaks.extend(maxima.map(|k| (at(k), angle(k), end)));
+    }
+    peaks.sort_by(|a, b| b.0.total_cmp(&a.0));
+    peaks.into_iter().take(REFINED).map(|(_, angle, end)| (angle, end)).collect()
 }
 
 /// The turn by `angle` moved to the better side by steps that are halved.
@@ -195,16 +197,16 @@ fn refined(mut angle: f32, mut step: f32, at: impl Fn(f32) -> Option<Candidate>)
     Some(best)
 }
 
-/// The turned poses, and those of the population within the margin of the best that are none of them.
-fn modes(found: &Found, margin: f32, mut poses: Vec<Isometry3<f32>>) -> Vec<Isometry3<f32>> {
-    let turned = poses.len();
-    let near = |h: &&Hypothesis| h.score > found.best.score - margin;
-    for h in found.population.iter().filter(near) {
-        if poses.len() == turned + MOST_MODES {
-            break;
-        }
-        let known = |p: &Isometry3<f32>| p.rotation.angle_to(&h.pose.rotation) < SAME_MODE_RAD;
-        if !known(&found.best.pose) && !poses.iter().any(known) {
+/// The best pose turned in all ways that depth may not notice, and those of the population within the margin of it that are
+/// none of these.
+fn modes(model: &Model, found: &Found, margin: f32) -> Vec<Isometry3<f32>> {
+    let best = &found.best;
+    let turned = |q: &UnitQuaternion<f32>| turns::about(&best.pose, &model.middle, q);
+    let mut poses: Vec<Isometry3<f32>> = model.turns().ends.iter().map(turned).collect();
+    let most = poses.len() + MOST_MODES;
+    for h in found.population.iter().filter(|h| h.score > best.score - margin) {
+        let same = |p: &Isometry3<f32>| p.rotation.angle_to(&h.pose.rotation) < SAME_MODE_RAD;
+        if poses.len() < most && !same(&best.pose) && !poses.iter().any(same) {
             poses.push(h.pose);
         }
     }
