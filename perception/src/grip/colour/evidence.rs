@@ -112,7 +112,22 @@ impl<'a> View<'a> {
 
     /// How one point in `every` at `pose` agrees with the picture; `None` where too few are seen, or no light.
     pub fn evidence(&self, looks: &Looks, pose: &Isometry3<f32>, every: usize) -> Option<Evidence> {
-        let mut seen = self.seen(looks, pose, every);
+        self.weighed(self.seen(looks, pose, every))
+    }
+
+    /// The same of all points with their print faded to a share of its contrast: each colour that much of itself, and the
+    /// rest of the mean.
+    pub fn faded(&self, looks: &Looks, pose: &Isometry3<f32>, contrast: f32) -> Option<Evidence> {
+        let mut seen = self.seen(looks, pose, 1);
+        let count = seen.len() as f32;
+        let mean = [0, 1, 2].map(|c| seen.iter().map(|s| s.colour[c]).sum::<f32>() / count);
+        for s in &mut seen {
+            s.colour = [0, 1, 2].map(|c| mean[c] + contrast * (s.colour[c] - mean[c]));
+        }
+        self.weighed(seen)
+    }
+
+    fn weighed(&self, mut seen: Vec<Seen>) -> Option<Evidence> {
         let (gain, light) = fitted(&seen)?;
         seen.sort_by_key(|s| s.patch);
         let mut patches = vec![(0, 0.0); self.columns * self.rows];

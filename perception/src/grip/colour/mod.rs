@@ -52,6 +52,8 @@ const MOST_MODES: usize = 6;
 const SAME_MODE_RAD: f32 = 0.35;
 /// Winners that geometry may refuse before colour gives up: each costs a polish.
 const MOST_POLISHED: usize = 4;
+/// Share of the contrast of a winner's print that must be better than none of it.
+const TRACE: f32 = 0.3;
 /// Coarse turns of a body of revolution are compared by one point in so many,
 const COARSE: usize = 3;
 /// and the best are refined.
@@ -143,6 +145,12 @@ pub(crate) fn decide(
         .iter()
         .map(|c| (c.pose, c.against))
         .filter(|(pose, a)| a.decides(settings) && beats_rival(pose));
+    // In noise the pose with the least contrast is the likeliest: what decides must be there, not just be missing. A trace
+    // of the print is better than none when the two correlate, whatever the contrast in dim light.
+    let printed = |pose: &Isometry3<f32>| {
+        let trace = view.faded(looks, pose, TRACE).zip(view.faded(looks, pose, 0.0));
+        trace.is_some_and(|(trace, none)| trace.against(&none).consistency >= settings.min_consistency)
+    };
     let mut least = None;
     for (pose, _) in standing.take(MOST_POLISHED) {
         // Both polished in the same frame, so that their scores are comparable.
@@ -151,7 +159,7 @@ pub(crate) fn decide(
         let polished = search.polished(vec![pose])[0];
         // The polish may have moved it.
         let against = seen(&polished.pose).map(|e| e.against(&present)).unwrap_or_default();
-        if polished.score >= least && against.decides(settings) {
+        if polished.score >= least && against.decides(settings) && printed(&polished.pose) {
             verdict.gain = f64::from(against.gain);
             verdict.consistency = f64::from(against.consistency);
             verdict.abstained = false;

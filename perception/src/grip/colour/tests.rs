@@ -313,7 +313,7 @@ fn in_the_dark_a_right_pose_stays_right() {
 #[test]
 fn colour_never_overrules_geometry() {
     // The print is on the other side of where the tapered shape says.
-    let model = box_model(two_coloured, 0.1);
+    let model = box_model(two_coloured, 0.3);
     let truth = standing(0.9);
     let frame = frame(&model, |p| two_coloured(&(half_turns()[2] * p)), &truth, DAY);
     let settings = ColourSettings::default();
