@@ -54,9 +54,9 @@ const SAME_MODE_RAD: f32 = 0.35;
 const MOST_POLISHED: usize = 4;
 /// Share of the contrast of a winner's print that must be better than none of it.
 const TRACE: f32 = 0.3;
-/// Coarse turns of a body of revolution are compared by one point in so many,
+/// Turns of a body of revolution are looked for with one point in so many,
 const COARSE: usize = 3;
-/// and the best are refined.
+/// and so many of the best coarse ones are refined.
 const REFINED: usize = 3;
 /// Halvings of the step of these: from 15 degrees to one.
 const HALVINGS: usize = 4;
@@ -111,17 +111,15 @@ pub(crate) fn decide(
             turns::about(&best, &model.middle, &(UnitQuaternion::from_axis_angle(axis, angle) * end))
         };
         let sketch = view.evidence(looks, &best, COARSE)?;
-        let height = |pose: &Isometry3<f32>| {
-            view.evidence(looks, pose, COARSE).map_or(f32::MIN, |e| e.against(&sketch).total)
+        let height = |angle: f32, end: &UnitQuaternion<f32>| {
+            view.evidence(looks, &turned(angle, end), COARSE).map_or(f32::MIN, |e| e.against(&sketch).total)
         };
-        let peaks = peaks(turns, settings.revolution_steps, |angle, end| height(&turned(angle, end)));
-        candidates.extend(
-            peaks
-                .into_iter()
-                .filter_map(|(angle, end)| refined(angle, step, |angle| judged(turned(angle, end)))),
-        );
-        let still = UnitQuaternion::identity();
-        near = refined(0.0, step, |angle| judged(turned(angle, &still)));
+        let peak = |angle: f32, end: &UnitQuaternion<f32>| {
+            judged(turned(refined(angle, step, |angle| height(angle, end)), end))
+        };
+        let peaks = peaks(turns, settings.revolution_steps, height);
+        candidates.extend(peaks.into_iter().filter_map(|(angle, end)| peak(angle, end)));
+        near = peak(0.0, &UnitQuaternion::identity());
         candidates.extend(near);
     } else {
         candidates.extend(modes(model, found, settings.depth_margin).into_iter().filter_map(judged));
@@ -189,20 +187,19 @@ fn peaks(
     peaks.into_iter().take(REFINED).map(|(_, angle, end)| (angle, end)).collect()
 }
 
-/// The turn by `angle` moved to the better side by steps that are halved.
-fn refined(mut angle: f32, mut step: f32, at: impl Fn(f32) -> Option<Candidate>) -> Option<Candidate> {
-    let mut best = at(angle)?;
+/// The angle moved to where it is higher by steps that are halved.
+fn refined(mut angle: f32, mut step: f32, height: impl Fn(f32) -> f32) -> f32 {
+    let mut best = height(angle);
     for _ in 0..HALVINGS {
         step /= 2.0;
         for side in [angle - step, angle + step] {
-            if let Some(c) = at(side)
-                && c.against.total > best.against.total
-            {
-                (angle, best) = (side, c);
+            let there = height(side);
+            if there > best {
+                (angle, best) = (side, there);
             }
         }
     }
-    Some(best)
+    angle
 }
 
 /// The best pose turned in all ways that depth may not notice, and those of the population within the margin of it that are
