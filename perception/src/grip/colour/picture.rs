@@ -6,8 +6,8 @@ use super::looks::linear;
 
 /// The strides that are prepared.
 pub(super) const STRIDES: [usize; 3] = [1, 2, 4];
-/// Bins of brightness in which noise is measured, from [`DARKEST`] to 1 in equal ratios.
-const BINS: usize = 24;
+/// Bins of brightness in which noise is measured, from [`DARKEST`] to 1.
+const BINS: usize = 25;
 /// Linear light of 8-bit code 1: below is black.
 const DARKEST: f32 = 1.0 / (255.0 * 12.92);
 /// Fewer differences say nothing of a bin.
@@ -102,10 +102,11 @@ impl PictureLevel {
     }
 }
 
+/// Half-octaves above [`DARKEST`]: the exponent of a float and the first bit of its mantissa.
 #[inline]
 fn bin(brightness: f32) -> usize {
-    let scale = BINS as f32 / -DARKEST.ln();
-    ((brightness / DARKEST).ln() * scale).clamp(0.0, BINS as f32 - 1.0) as usize
+    const FIRST: u32 = DARKEST.to_bits() >> 22;
+    ((brightness.max(DARKEST).to_bits() >> 22) - FIRST).min(BINS as u32 - 1) as usize
 }
 
 /// Noise from the image itself: the median of what differs along both diagonals of four pixels, which is none of a slope's

@@ -26,7 +26,7 @@ impl Default for ColourSettings {
     fn default() -> Self {
         Self {
             depth_margin: 0.03,
-            min_gain: 0.1,
+            min_gain: 0.07,
             min_consistency: 2.0,
             min_points: 100,
             revolution_steps: 24,

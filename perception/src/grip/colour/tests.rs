@@ -15,9 +15,10 @@ use rand::RngExt;
 use rand_distr::{Distribution, StandardNormal};
 
 use super::*;
-use crate::grip::GripSettings;
 use crate::grip::search::Hypothesis;
+use crate::grip::{GripEstimator, GripSettings};
 use crate::hypotheses::{Cpu, Raster, render};
+use crate::{Detection, Detections, PoseEstimator, PosePosterior};
 
 /// Linear RGB of a place on the surface, object frame.
 type Paint = fn(&Vector3<f32>) -> [f32; 3];
@@ -33,7 +34,7 @@ fn encoded(linear: f32) -> u8 {
 }
 
 /// A model of a closed surface given as a grid of `u` by `v` patches, with a colour a vertex.
-fn model(sheets: &[&dyn Fn(f32, f32) -> Vector3<f32>], paint: Paint) -> Model {
+fn object(sheets: &[&dyn Fn(f32, f32) -> Vector3<f32>], paint: Paint) -> Arc<ObjectModel> {
     let side = 48u32;
     let mut mesh = Mesh::default();
     for sheet in sheets {
@@ -66,17 +67,16 @@ fn model(sheets: &[&dyn Fn(f32, f32) -> Vector3<f32>], paint: Paint) -> Model {
         half_turns: vec![],
     };
     let material = Material { base_color: [1.0; 3], ..Material::default() };
-    let object = ObjectModel::new(info, Visual { mesh: Arc::new(mesh), material }, vec![]);
-    Model::new(&object, &[200, 1000]).unwrap()
+    Arc::new(ObjectModel::new(info, Visual { mesh: Arc::new(mesh), material }, vec![]))
 }
 
 /// A box whose sides along x shrink by `taper` towards +y.
-fn box_model(paint: Paint, taper: f32) -> Model {
+fn box_object(paint: Paint, taper: f32) -> Arc<ObjectModel> {
     let at = move |x: f32, y: f32, z: f32| {
         let narrow = 1.0 - taper * y;
         Vector3::new((x - 0.5) * SIZE[0] * narrow, (y - 0.5) * SIZE[1], (z - 0.5) * SIZE[2])
     };
-    model(
+    object(
         &[
             &|a, b| at(0.0, b, a),
             &|a, b| at(1.0, a, b),
@@ -89,14 +89,19 @@ fn box_model(paint: Paint, taper: f32) -> Model {
     )
 }
 
+fn box_model(paint: Paint, taper: f32) -> Model {
+    Model::new(&box_object(paint, taper), &[1000]).unwrap()
+}
+
 fn can_model(paint: Paint) -> Model {
     let round = |a: f32, r: f32, z: f32| Vector3::new(r * (TAU * a).cos(), r * (TAU * a).sin(), z * HEIGHT);
-    model(
+    let can = object(
         &[&|a, b| round(a, RADIUS, b - 0.5), &|a, b| round(a, RADIUS * b, -0.5), &|a, b| {
             round(a, RADIUS * (1.0 - b), 0.5)
         }],
         paint,
-    )
+    );
+    Model::new(&can, &[1000]).unwrap()
 }
 
 /// Red in front and blue behind, with a pale band and a dark corner.
@@ -294,7 +299,7 @@ fn in_the_dark_a_right_pose_stays_right() {
     for (model, paint) in
         [(box_model(two_coloured, 0.0), two_coloured as Paint), (can_model(striped), striped)]
     {
-        for seed in 0..24 {
+        for seed in 0..16 {
             let truth = standing(0.5 * seed as f32);
             for (brightness, noise) in [(0.02, 0.01), (0.003, 0.002), (0.001, 0.002), (0.0, 0.001)] {
                 let light = Light { brightness, noise, seed, ..DAY };
@@ -321,6 +326,41 @@ fn colour_never_overrules_geometry() {
     assert!(off(&pose, &truth) < 2.0);
     let (pose, _) = decided(&model, &frame, &truth, &ColourSettings { depth_margin: 1.0, ..settings });
     assert!(off(&pose, &truth) > 170.0, "the print does prefer the other side");
+}
+
+#[test]
+fn the_estimator_ends_with_colour_unless_it_is_switched_off() {
+    let model = box_object(two_coloured, 0.0);
+    let prepared = Model::new(&model, &[1000]).unwrap();
+    let off_truth = |posterior: &PosePosterior, truth: &Isometry3<f32>| {
+        posterior.best.iso().rotation.angle_to(&truth.rotation.cast()).to_degrees()
+    };
+    let mut turned = 0;
+    for seed in 0..4 {
+        let truth = standing(1.0 + seed as f32);
+        let frame = frame(&prepared, two_coloured, &truth, DAY);
+        let estimate = |colour: Option<ColourSettings>, threads: usize| {
+            let estimator = GripEstimator::new(GripSettings { colour, ..grip_settings() }).unwrap();
+            let objects = [model.clone()];
+            let mut boxes = Detections::new();
+            let bbox = [200.0, 80.0, 480.0, 400.0];
+            boxes.push("thing", Detection { bbox, confidence: 1.0 }).unwrap();
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            let found = pool.install(|| estimator.estimate(&frame, &boxes, &objects, seed)).unwrap();
+            PosePosterior { seconds: 0.0, ..found[0].clone() }
+        };
+        let with = estimate(Some(ColourSettings::default()), 1);
+        assert_eq!(with, estimate(Some(ColourSettings::default()), 2));
+        assert!(off_truth(&with, &truth) < 2.0, "{seed}: {:?}", with.colour);
+        let weights: f64 = with.particles.iter().map(|p| p.1).sum();
+        assert!((weights - 1.0).abs() < 1e-9);
+        let back: PosePosterior = serde_json::from_str(&serde_json::to_string(&with).unwrap()).unwrap();
+        assert_eq!(back.colour, with.colour);
+        let without = estimate(None, 2);
+        assert!(without.colour.is_none());
+        turned += usize::from(off_truth(&without, &truth) > 90.0);
+    }
+    assert!(turned > 0, "depth alone cannot tell");
 }
 
 #[test]
