@@ -1,5 +1,6 @@
 //! What an estimator believes about one object.
 
+use crate::grip::ColourVerdict;
 use grip_sim::pose::{Camera, Object, Pose};
 use serde::{Deserialize, Serialize};
 
@@ -29,4 +30,8 @@ pub struct PosePosterior {
     pub hypotheses: usize,
     /// Wall time, seconds. The only field that differs between equal calls.
     pub seconds: f64,
+    /// What colour said where depth could not decide. None where it was not asked (see
+    /// [`crate::GripSettings::colour`]) or had nothing to go by.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub colour: Option<ColourVerdict>,
 }

@@ -1,12 +1,13 @@
 //! GRIP's second stage: iterated likelihood weighting over rendered pose hypotheses, on the CPU.
 //!
 //! Read in this order: [`settings`](GripSettings), `model` (an object, prepared), `propose`, [`crate::hypotheses`] (renders,
-//! compares and moves them), `score`, `search` (one object), `joint` (all of them).
+//! compares and moves them), `score`, `search` (one object), `joint` (all of them), `colour` (what depth cannot tell).
 //!
 //! DIFFERENCE to the paper: hypotheses are pulled towards the data by Gauss-Newton steps before they are weighed, weights
 //! are tempered, resolution goes from coarse to fine, and independent restarts replace hundreds of iterations. The
 //! principle, generate and weigh by rendering, is the same. `paper` is the method without these differences.
 
+mod colour;
 mod joint;
 mod model;
 mod paper;
@@ -28,6 +29,7 @@ use grip_sim::rng;
 use nalgebra::{Isometry3, Vector3};
 use rayon::prelude::*;
 
+pub use self::colour::{ColourSettings, ColourVerdict};
 pub use self::joint::JointSettings;
 pub use self::paper::{Centre, Holes, PaperEstimator, PaperSettings, Ranking};
 pub use self::settings::{GripSettings, SearchLevel};
@@ -40,6 +42,7 @@ pub(crate) use self::propose::small_rotation;
 #[cfg(test)]
 pub(crate) use self::score::score;
 
+use self::colour::Picture;
 use self::joint::{Joint, Searched};
 use self::model::{ModelCache, directions};
 use self::propose::box_priors;
@@ -139,11 +142,40 @@ impl PoseEstimator for GripEstimator {
             let (models, observation, settings) = (&models, &observation, &self.settings);
             Joint { models, observation, settings, search }.settle(&mut results, joint)?;
         }
+        let colours = self.look_at_colours(frame, &models, &observation, detections, &mut results)?;
         Ok(models
             .iter()
             .zip(results)
             .map(|(model, (found, seconds))| posterior(model, found, seconds, &self.settings))
+            .zip(colours)
+            .map(|(belief, colour)| PosePosterior { colour, ..belief })
             .collect())
+    }
+}
+
+impl GripEstimator {
+    /// Lets colour decide between poses that depth cannot tell apart.
+    fn look_at_colours(
+        &self,
+        frame: &CameraFrame,
+        models: &[Arc<Model>],
+        observation: &Observation,
+        detections: &Detections,
+        results: &mut [Searched],
+    ) -> Result<Vec<Option<ColourVerdict>>> {
+        let picture =
+            self.settings.colour.as_ref().and_then(|settings| Some((settings, Picture::new(frame)?)));
+        let decided = |(model, (found, seconds)): (&Arc<Model>, &mut Searched)| {
+            let (Some((settings, picture)), Some(found)) = (&picture, found) else { return Ok(None) };
+            let start = Instant::now();
+            let boxes = box_priors(detections.of(&model.name), observation);
+            let mut renderer = self.renderer.session();
+            let mut search = Search::new(model, observation, &boxes, &self.settings, &mut *renderer);
+            let verdict = colour::decide(model, found, observation, picture, &mut search, settings);
+            *seconds += start.elapsed().as_secs_f64();
+            verdict.transpose()
+        };
+        models.par_iter().zip(results).map(decided).collect()
     }
 }
 
@@ -190,6 +222,7 @@ fn belief(
             restarts: 0,
             hypotheses: 0,
             seconds,
+            colour: None,
         };
     };
     let (position_std_m, rotation_std_rad) = spread(model, &found, &weights);
@@ -205,6 +238,7 @@ fn belief(
         restarts: found.restarts,
         hypotheses: found.hypotheses,
         seconds,
+        colour: None,
     }
 }
 

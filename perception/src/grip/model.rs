@@ -2,9 +2,11 @@
 
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
+use grip_sim::mesh::Visual;
 use grip_sim::objects::ObjectModel;
 use nalgebra::Vector3;
 
+use super::colour::{Looks, Turns};
 use super::resting::{Resting, resting_orientations};
 use super::solid::Solid;
 use crate::error::{Error, Result};
@@ -34,6 +36,9 @@ pub(crate) struct Model {
     pub resting: Vec<Resting>,
     /// Made when two objects may touch.
     solid: OnceLock<Option<Solid>>,
+    visual: Arc<Visual>,
+    looks: OnceLock<Option<Looks>>,
+    turns: OnceLock<Turns>,
 }
 
 impl Model {
@@ -69,12 +74,34 @@ impl Model {
         let middle = (bound(f32::min) + bound(f32::max)) / 2.0;
         let centroid = volume_centroid(&positions, &triangles);
         let resting = resting_orientations(&hull, centroid);
-        Ok(Self { name, lods, hull, outline, radius, middle, resting, solid: OnceLock::new() })
+        Ok(Self {
+            name,
+            lods,
+            hull,
+            outline,
+            radius,
+            middle,
+            resting,
+            visual: object.visual.clone(),
+            looks: OnceLock::new(),
+            turns: OnceLock::new(),
+            solid: OnceLock::new(),
+        })
     }
 
     /// It as a body; `None` for a mesh that makes none.
     pub fn solid(&self) -> Option<&Solid> {
         self.solid.get_or_init(|| Solid::new(self.lod(SOLID_TRIANGLES))).as_ref()
+    }
+
+    /// What is printed on it, if anything; prepared when first asked for.
+    pub fn looks(&self) -> Option<&Looks> {
+        self.looks.get_or_init(|| Looks::new(&self.visual)).as_ref()
+    }
+
+    /// The turns that depth may not notice; prepared when first asked for.
+    pub fn turns(&self) -> &Turns {
+        self.turns.get_or_init(|| Turns::new(&self.hull, &self.middle, self.radius))
     }
 
     /// The coarsest mesh of at least `triangles`.

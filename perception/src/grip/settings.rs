@@ -2,6 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::colour::ColourSettings;
 use super::joint::JointSettings;
 use crate::detector::Workspace;
 use crate::error::{Error, Result};
@@ -115,6 +116,8 @@ pub struct GripSettings {
     pub presence_scale: f64,
     /// How objects are looked at together after each was searched on its own; `None` for not at all (the paper: not).
     pub joint: Option<JointSettings>,
+    /// When colour decides between poses that depth cannot tell apart; `None` leaves them as depth has them (the paper: none).
+    pub colour: Option<ColourSettings>,
     /// How the support plane is found; `None` searches without one.
     pub plane: Option<PlaneSettings>,
     /// Only points in here can be an object's, in the world frame; `None` for everywhere.
@@ -175,6 +178,7 @@ impl Default for GripSettings {
             presence_score: 0.5,
             presence_scale: 0.04,
             joint: Some(JointSettings::default()),
+            colour: Some(ColourSettings::default()),
             plane: Some(PlaneSettings::default()),
             workspace: None,
         }
@@ -241,6 +245,7 @@ impl GripSettings {
         if !(0.0..=1.0).contains(&self.resting_share) {
             return bad("resting_share", self.resting_share.to_string(), "0 to 1; try 0.5");
         }
-        self.joint.as_ref().map_or(Ok(()), JointSettings::check)
+        self.joint.as_ref().map_or(Ok(()), JointSettings::check)?;
+        self.colour.as_ref().map_or(Ok(()), ColourSettings::check)
     }
 }
