@@ -201,8 +201,14 @@ fn decided(
     let mut renderer = Cpu::default();
     let mut search = Search::new(model, &observation, &[], &grip, &mut renderer);
     let best = search.polished(vec![*start]).unwrap()[0];
-    let mut found =
-        Found { best, population: Vec::<Hypothesis>::new(), restarts: 1, agreeing: 1, hypotheses: 1 };
+    let mut found = Found {
+        best,
+        population: Vec::<Hypothesis>::new(),
+        others: Vec::new(),
+        restarts: 1,
+        agreeing: 1,
+        hypotheses: 1,
+    };
     let picture = Picture::new(frame).unwrap();
     let verdict = decide(model, &mut found, &observation, &picture, &mut search, settings);
     (found.best.pose, verdict.map(|verdict| verdict.unwrap()))

@@ -192,7 +192,14 @@ fn filter(likelihood: &Likelihood<'_>, frame: &CameraFrame, rng: &mut impl Rng) 
     }
     let population: Vec<Hypothesis> =
         samples.iter().map(|s| Hypothesis { pose: s.pose, score: s.weight }).collect();
-    Some(Found { best: *population.first()?, population, restarts: 1, agreeing: 1, hypotheses })
+    Some(Found {
+        best: *population.first()?,
+        population,
+        others: Vec::new(),
+        restarts: 1,
+        agreeing: 1,
+        hypotheses,
+    })
 }
 
 /// The nearest and the farthest reading in a box, metres; none in a box without readings.
