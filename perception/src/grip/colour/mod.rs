@@ -42,7 +42,8 @@ pub struct ColourVerdict {
     /// Sum of the gains of the patches of the image over the root of the sum of their squares, which is a z-score where no
     /// patch says anything; below [`ColourSettings::min_consistency`] nothing is decided.
     pub consistency: f64,
-    /// Whether the pose was left as depth has it.
+    /// Whether the pose was left as depth has it: also where geometry refused the winner, where the print itself is lost in
+    /// noise, and where a small turn explains the picture as well.
     pub abstained: bool,
 }
 
@@ -105,6 +106,7 @@ pub(crate) fn decide(
     };
     let turns = model.turns();
     let (mut candidates, mut near) = (Vec::new(), None);
+    // Of a body of revolution the population's modes are all turns, too.
     if let Some(axis) = &turns.revolution {
         let step = TAU / settings.revolution_steps as f32;
         let turned = |angle: f32, end: &UnitQuaternion<f32>| {
@@ -139,10 +141,7 @@ pub(crate) fn decide(
             near == pose || seen(pose).is_some_and(|e| e.against(evidence).decides(settings))
         })
     };
-    let standing = candidates
-        .iter()
-        .map(|c| (c.pose, c.against))
-        .filter(|(pose, a)| a.decides(settings) && beats_rival(pose));
+    let standing = candidates.iter().filter(|c| c.against.decides(settings) && beats_rival(&c.pose));
     // In noise the pose with the least contrast is the likeliest: what decides must be there, not just be missing. A trace
     // of the print is better than none when the two correlate, whatever the contrast in dim light.
     let printed = |pose: &Isometry3<f32>| {
@@ -150,11 +149,11 @@ pub(crate) fn decide(
         trace.is_some_and(|(trace, none)| trace.against(&none).consistency >= settings.min_consistency)
     };
     let mut least = None;
-    for (pose, _) in standing.take(MOST_POLISHED) {
+    for candidate in standing.take(MOST_POLISHED) {
         // Both polished in the same frame, so that their scores are comparable.
         let least =
             *least.get_or_insert_with(|| search.polished(vec![best])[0].score - settings.depth_margin);
-        let polished = search.polished(vec![pose])[0];
+        let polished = search.polished(vec![candidate.pose])[0];
         // The polish may have moved it.
         let against = seen(&polished.pose).map(|e| e.against(&present)).unwrap_or_default();
         if polished.score >= least && against.decides(settings) && printed(&polished.pose) {
