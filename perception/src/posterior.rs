@@ -61,7 +61,8 @@ pub struct PosePosterior {
     /// Wall time, seconds. The only field that differs between equal calls.
     pub seconds: f64,
     /// What colour said where depth could not decide. None where it was not asked (see
-    /// [`crate::GripSettings::colour`]) or had nothing to go by.
+    /// [`crate::GripSettings::colour`]) or had nothing to go by. A pose that colour chose is `best` and the first
+    /// particle; weights are those of depth alone.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub colour: Option<ColourVerdict>,
 }
