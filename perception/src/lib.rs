@@ -32,4 +32,4 @@ pub use grip::{
     Centre, GripEstimator, GripSettings, Holes, PaperEstimator, PaperSettings, Ranking, SearchLevel,
 };
 pub use plane::{Plane, PlaneSettings, Support, fit_support_plane};
-pub use posterior::PosePosterior;
+pub use posterior::{PosePosterior, TracePoint};

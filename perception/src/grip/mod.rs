@@ -16,6 +16,7 @@ mod resting;
 mod score;
 mod search;
 mod settings;
+mod trace;
 
 use std::sync::Arc;
 use std::time::Instant;
@@ -151,10 +152,12 @@ impl GripEstimator {
             if conflict && found.best.score > self.settings.hopeless_score {
                 let rest = observation.without(&taken);
                 let (second, seconds) = again(i, &rest);
-                let hypotheses = found.hypotheses;
+                let (hypotheses, trace) = (found.hypotheses, found.trace.clone());
+                let before = (hypotheses, results[i].1);
                 results[i].1 += seconds;
                 if let Some(mut second) = second {
                     second.hypotheses += hypotheses;
+                    second.trace = trace::replaced(trace, before, second.trace);
                     mine = joint::explained(&models[i], &second.best.pose, &rest);
                     results[i].0 = Some(second);
                 }
@@ -208,6 +211,7 @@ fn belief(
             restarts: 0,
             hypotheses: 0,
             seconds,
+            trace: Vec::new(),
         };
     };
     let (position_std_m, rotation_std_rad) = spread(model, &found, &weights);
@@ -223,6 +227,7 @@ fn belief(
         restarts: found.restarts,
         hypotheses: found.hypotheses,
         seconds,
+        trace: found.trace,
     }
 }
 
