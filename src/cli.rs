@@ -260,10 +260,10 @@ pub struct ConvergenceArgs {
     pub object: Vec<u32>,
     /// Who searches: grip, paper or paper-guarded, with a JSON file of settings that are not to be its defaults where there
     /// is one (paper=fewer.json); may be given more than once.
-    #[arg(long, value_name = "NAME[=FILE]", default_values = ["grip", "paper-guarded"])]
+    #[arg(long, value_name = "NAME[=FILE]", default_values = ["grip", "paper-guarded", "paper"])]
     pub estimator: Vec<SearchChoice>,
     /// Searches of each object, with the seeds 1 to N.
-    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u64).range(1..=1000))]
+    #[arg(long, value_name = "N", default_value_t = 3, value_parser = clap::value_parser!(u64).range(1..=1000))]
     pub seeds: u64,
     /// Where to look for objects, as for `grip estimate`.
     #[arg(long, default_value = "jittered", value_name = "gt|jittered|clusters|none|FILE")]

@@ -184,7 +184,7 @@ fn svg(figure: &Figure) -> Result<String> {
     let lines = most as u32 + u32::from(figure.panels.iter().any(|panel| panel.level.is_some()));
     let columns = figure.columns.max(1);
     let rows = figure.panels.len().div_ceil(columns);
-    let (width, height) = (PANEL.0, PANEL.1 + LEGEND_LINE * (lines + 1));
+    let (width, height) = (PANEL.0, PANEL.1 + LEGEND_LINE * (lines + 2));
     let size = (width * columns as u32, TITLE + height * rows as u32);
     let mut text = String::new();
     draw(figure, SVGBackend::with_string(&mut text, size).into_drawing_area(), (columns, rows))
@@ -212,11 +212,12 @@ fn draw<'a>(figure: &Figure, root: Area<'a>, (columns, rows): (usize, usize)) ->
 
 fn draw_chart<'a>(panel: &Panel, area: &Area<'a>) -> Drawn<'a> {
     let mut chart = ChartBuilder::on(area)
+        .margin_left(24)
         .margin_right(40)
         .margin_top(10)
         .caption(&panel.title, ("sans-serif", TEXT + 2))
-        .x_label_area_size(90)
-        .y_label_area_size(120)
+        .x_label_area_size(76)
+        .y_label_area_size(100)
         .build_cartesian_2d(panel.x.clone(), panel.y.clone())?;
     chart
         .configure_mesh()
@@ -254,7 +255,7 @@ fn draw_legend<'a>(panel: &Panel, area: &Area<'a>) -> Drawn<'a> {
         lines.push((name, level_style()));
     }
     for (i, (label, style)) in (0..).zip(lines) {
-        let y = (LEGEND_LINE * i + LEGEND_LINE / 2) as i32;
+        let y = (LEGEND_LINE * (i + 1)) as i32;
         area.draw(&PathElement::new([(130, y), (190, y)], style))?;
         let font = ("sans-serif", TEXT).into_font().into_text_style(area);
         area.draw(&Text::new(label, (205, y), font.pos(Pos::new(HPos::Left, VPos::Center))))?;

@@ -266,7 +266,7 @@ impl Convergence {
                         means.chain(bands).chain([level]).collect::<Vec<_>>(),
                     ),
                     curves,
-                    level: Some((level, "5 mm, the paper's after about 150 iterations".to_owned())),
+                    level: Some((level, "5 mm: the paper's own, after about 150 iterations".to_owned())),
                 });
             }
         }

@@ -166,7 +166,7 @@ fn print_paper(table: &PaperTable) -> Result<()> {
             let instances = area.instances.to_string();
             [name.to_owned(), metric.to_owned(), instances, shown(area.auc), range, grip, posecnn, dope]
         };
-        let overall = format!("overall: mean of {} objects", group.overall.objects);
+        let overall = format!("overall: {} of {} objects", group.overall.objects, group.objects.len());
         let rows = group.objects.iter().map(|r| row(r.object, r.metric, &r.area));
         let rows = rows.chain([row(&overall, "", &group.overall.area)]);
         output::data(format_args!("{}\n", output::table(header, &[2, 3, 4, 5, 6, 7], rows)))?;
