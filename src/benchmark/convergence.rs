@@ -245,7 +245,7 @@ impl Convergence {
                     let spreads = spreads(&searches, &places(&searches, key, unit == "ms"), key, error);
                     let end = spreads.last().map_or_else(
                         || "nothing to search".to_owned(),
-                        |end| format!("{:.1} mm after {:.0} {unit}", end.mean, end.x),
+                        |end| format!("{:.1} mm after at most {:.0} {unit}", end.mean, end.x),
                     );
                     Curve {
                         label: format!("{}: {end}", contender.name),
