@@ -73,6 +73,9 @@ pub struct PackArgs {
     /// Who proposes boxes.
     #[arg(long, value_enum, default_value_t = Detector::Clusters)]
     pub detector: Detector,
+    /// Who renders pose hypotheses.
+    #[arg(long, value_enum, default_value_t = Hypotheses::Cpu)]
+    pub hypotheses: Hypotheses,
     /// Pack only the first K objects of the scene; the others stay as clutter.
     #[arg(long, value_name = "K")]
     pub items: Option<usize>,
@@ -184,6 +187,13 @@ pub struct EstimateArgs {
     /// Who estimates.
     #[arg(long, value_enum, default_value_t = EstimatorChoice::Grip)]
     pub estimator: EstimatorChoice,
+    /// Look for so many objects an image that are not in it, too, in boxes of others: `grip eval` then tells how well
+    /// confidence tells present from absent ones.
+    #[arg(long, value_name = "N", default_value_t = 0, value_parser = clap::value_parser!(u32).range(0..=100))]
+    pub absent: u32,
+    /// Who renders pose hypotheses.
+    #[arg(long, value_enum, default_value_t = Hypotheses::Cpu)]
+    pub hypotheses: Hypotheses,
     /// Settings of the estimator that are not to be its defaults, a JSON file such as {"samples": 100}; the settings in use
     /// are in the summary of --json.
     #[arg(long, value_name = "FILE")]
@@ -338,6 +348,27 @@ impl From<Renderer> for grip_sim::render::RendererChoice {
             Renderer::Auto => Self::Auto,
             Renderer::Wgpu => Self::Wgpu,
             Renderer::Cpu => Self::Cpu,
+        }
+    }
+}
+
+/// Who renders pose hypotheses.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum Hypotheses {
+    /// The CPU: the same poses on every x86-64 machine.
+    Cpu,
+    /// The best graphics adapter there is, a software driver too, or an error.
+    Gpu,
+    /// A graphics adapter if there is one that is no software, else the CPU.
+    Auto,
+}
+
+impl From<Hypotheses> for grip_perception::HypothesisRendererChoice {
+    fn from(choice: Hypotheses) -> Self {
+        match choice {
+            Hypotheses::Cpu => Self::Cpu,
+            Hypotheses::Gpu => Self::Gpu,
+            Hypotheses::Auto => Self::Auto,
         }
     }
 }

@@ -167,6 +167,8 @@ pub struct TrialResult {
     pub object_set: &'static str,
     /// `wgpu` or `cpu`.
     pub renderer: &'static str,
+    /// Who rendered pose hypotheses: `cpu` or `gpu`.
+    pub hypotheses: &'static str,
     /// Items asked for.
     pub requested: usize,
     /// Items packed.

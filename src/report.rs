@@ -58,11 +58,12 @@ pub fn html(
     }
     let _ = write!(
         page,
-        "<p>Estimator {}, detector {}, objects {}, renderer {}. {:.1} s simulated in {:.1} s. State <code>{}</code>.</p>",
+        "<p>Estimator {}, detector {}, objects {}, renderer {}, hypotheses {}. {:.1} s simulated in {:.1} s. State <code>{}</code>.</p>",
         result.estimator,
         result.detector,
         result.object_set,
         result.renderer,
+        result.hypotheses,
         result.sim_s,
         result.wall_s,
         &result.state_hash[..16.min(result.state_hash.len())]

@@ -6,7 +6,8 @@ use std::sync::Arc;
 use anyhow::{Context, Result};
 use grip_manip::{BeliefScene, BinGeometry, Planner, PlannerSettings};
 use grip_perception::{
-    ClusterSettings, Clusters, Detection, Detections, GripEstimator, GripSettings, Workspace,
+    ClusterSettings, Clusters, Detection, Detections, GripEstimator, GripSettings, HypothesisRenderer,
+    Workspace,
 };
 use grip_sim::camera::Intrinsics;
 use grip_sim::condition::{Condition, ConditionSpec};
@@ -40,6 +41,8 @@ pub struct Setup {
     /// Start configuration: the scene's pose and torso, the head looking at the scene's point.
     pub start: Vec<f64>,
     pub seed: u64,
+    /// Who renders pose hypotheses: the CPU, unless it is set to another.
+    pub hypotheses: HypothesisRenderer,
     /// The folder of the scene file.
     pub folder: PathBuf,
     furniture: Furniture,
@@ -92,6 +95,7 @@ impl Setup {
             depth_noise,
             start,
             seed: args.seed,
+            hypotheses: HypothesisRenderer::Cpu,
             folder: folder.to_path_buf(),
             furniture,
         })
@@ -196,15 +200,18 @@ impl Setup {
 
     /// GRIP's second stage over the workspace.
     pub fn grip(&self) -> Result<GripEstimator> {
-        let settings = GripSettings { workspace: Some(self.workspace()), ..GripSettings::default() };
-        Ok(GripEstimator::new(settings)?)
+        self.grip_over(self.workspace())
     }
 
     /// GRIP's second stage over the inside of the bin.
     pub fn grip_in_bin(&self) -> Result<GripEstimator> {
         let (low, high) = self.bin_space();
-        let workspace = Workspace { min: low, max: high };
-        Ok(GripEstimator::new(GripSettings { workspace: Some(workspace), ..GripSettings::default() })?)
+        self.grip_over(Workspace { min: low, max: high })
+    }
+
+    fn grip_over(&self, workspace: Workspace) -> Result<GripEstimator> {
+        let settings = GripSettings { workspace: Some(workspace), ..GripSettings::default() };
+        Ok(GripEstimator::new(settings)?.with_renderer(self.hypotheses.clone()))
     }
 
     /// The part of the image that shows the inside of the bin, as the one box for each of `models`.

@@ -257,6 +257,7 @@ pub fn run(setup: &Setup, spec: Spec, renderer: &mut dyn Renderer, progress: &Pr
         detector: spec.detector.name(),
         object_set: setup.library.set().label(),
         renderer: renderer.name(),
+        hypotheses: setup.hypotheses.name(),
         requested: spec.items,
         packed: items.iter().filter(|item| item.outcome == Outcome::Packed).count(),
         wall_s: started.elapsed().as_secs_f64(),

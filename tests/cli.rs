@@ -220,6 +220,23 @@ fn a_wrong_command_line_exits_with_two_and_help_with_zero() {
     assert_all(&stdout(&help), &["pack", "render", "objects", "robot"]);
 }
 
+/// The loader of Vulkan drivers is told that there is none.
+#[cfg(target_os = "linux")]
+#[test]
+fn without_an_adapter_hypotheses_on_the_gpu_are_an_error_that_says_what_to_do() {
+    let folder = tempfile::tempdir().unwrap();
+    let output = std::process::Command::new(env!("CARGO_BIN_EXE_grip"))
+        .args(["pack", "--renderer", "cpu", "--hypotheses", "gpu", "--out"])
+        .arg(folder.path().join("run"))
+        .current_dir(root())
+        .env("VK_ICD_FILENAMES", "/nonexistent")
+        .env("VK_DRIVER_FILES", "/nonexistent")
+        .output()
+        .unwrap();
+    assert_eq!(code(&output), 2);
+    assert_all(&stderr(&output), &["no graphics adapter", "mesa-vulkan-drivers", "--hypotheses cpu"]);
+}
+
 #[test]
 fn objects_and_robot_print_tables_and_json() {
     let table = grip(&["objects"]);

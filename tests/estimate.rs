@@ -123,8 +123,27 @@ fn poses_are_the_same_on_any_number_of_threads_and_after_a_stop_and_their_errors
     assert_eq!(code(&output), 2);
     assert!(stderr(&output).contains("--boxes guess"), "{}", stderr(&output));
 
-    // The paper's filter, by other settings than the published ones.
+    // Hypotheses on a graphics adapter, where there is one: found as well, and the outputs say where.
     let settings = folder.path().join("settings.json");
+    std::fs::write(&settings, r#"{"max_restarts": 1}"#).unwrap();
+    let gpu = folder.path().join("gpu.csv");
+    let output = estimate(&gpu, &["--hypotheses", "gpu", "--json", "--settings", settings.to_str().unwrap()]);
+    if code(&output) == 2 && std::env::var_os("GRIP_REQUIRE_ADAPTER").is_none() {
+        assert!(stderr(&output).contains("--hypotheses cpu"), "{}", stderr(&output));
+        println!("SKIPPED estimating on the GPU: {}", stderr(&output));
+    } else {
+        assert_eq!(code(&output), 0, "{}", stderr(&output));
+        let summary: serde_json::Value = serde_json::from_str(&stdout(&output)).unwrap();
+        assert!(summary["settings"]["hypotheses"].as_str().unwrap().starts_with("gpu: "), "{summary}");
+        let json = eval(&set, &gpu, &[]);
+        println!("on the GPU, one search an object: {}", json["all"]);
+        assert!(json["all"]["auc_adds"][0].as_f64().unwrap() > 0.7, "{}", json["all"]);
+    }
+    let output = estimate(&gpu, &["--hypotheses", "gpu", "--estimator", "paper"]);
+    assert_eq!(code(&output), 2);
+    assert!(stderr(&output).contains("--hypotheses gpu: the paper's filter"), "{}", stderr(&output));
+
+    // The paper's filter, by other settings than the published ones.
     let paper = |text: &str, jobs: &str, out: &str| {
         std::fs::write(&settings, text).unwrap();
         let out = folder.path().join(out);

@@ -18,6 +18,12 @@ pub enum Error {
         /// What is wrong with it and what to try.
         message: String,
     },
+    /// No graphics adapter, or it failed.
+    #[error("hypotheses on the GPU: {0}")]
+    Gpu(
+        /// What failed and what to try.
+        String,
+    ),
     /// A setting out of its range.
     #[error("setting {name} = {value}: {message}")]
     Setting {

@@ -19,7 +19,7 @@ pub trait PoseEstimator: Send + Sync {
     /// number of threads.
     ///
     /// # Errors
-    /// When the frame holds no depth, an object has no triangles, or a setting is out of range.
+    /// When the frame holds no depth, an object has no triangles, a setting is out of range, or a graphics device fails.
     fn estimate(
         &self,
         frame: &CameraFrame,

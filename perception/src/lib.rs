@@ -10,6 +10,8 @@
 //! [`metrics`] compares poses. This crate sees camera frames and object models only: `grip-sim` is built without its
 //! `physics` feature here, so the truth is out of reach.
 
+#[cfg(test)]
+mod allocations;
 mod clusters;
 mod detector;
 mod error;
@@ -31,5 +33,6 @@ pub use footprint::Footprint;
 pub use grip::{
     Centre, GripEstimator, GripSettings, Holes, PaperEstimator, PaperSettings, Ranking, SearchLevel,
 };
+pub use hypotheses::{HypothesisRenderer, HypothesisRendererChoice};
 pub use plane::{Plane, PlaneSettings, Support, fit_support_plane};
 pub use posterior::{PosePosterior, TracePoint};

@@ -119,7 +119,10 @@ impl Workbench {
     }
 
     /// Moves all hypotheses by `steps`, draws and compares them; the sum of the inliers' kernels.
-    pub fn advance(&self, isa: Isa, stride: usize, triangles: usize, steps: usize) -> f32 {
+    ///
+    /// # Errors
+    /// None on the CPU.
+    pub fn advance(&self, isa: Isa, stride: usize, triangles: usize, steps: usize) -> Result<f32> {
         let batch = Batch {
             lod: self.model.lod(triangles),
             radius: self.model.radius,
@@ -132,7 +135,7 @@ impl Workbench {
         };
         let mut poses = self.poses.clone();
         let mut cpu = Cpu::on(isa);
-        cpu.advance(&batch, &mut poses).iter().flatten().map(|r| r.terms.fit).sum()
+        Ok(cpu.advance(&batch, &mut poses)?.iter().flatten().map(|r| r.terms.fit).sum())
     }
 
     /// The frame as the paper's filter wants it.

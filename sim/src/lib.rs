@@ -11,6 +11,7 @@
 //! | [`camera`], [`images`], [`frame`] | pinhole cameras, image types, and the frame that perception gets |
 //! | [`bop`] | data sets in the format of the BOP challenge, read and written |
 //! | [`convert`] | our geometry as parry's and rapier's |
+//! | [`gpu`] | opening a graphics adapter |
 //! | [`render`], [`sensor`], [`condition`] | renderers (wgpu and CPU), depth and colour noise, scripted conditions |
 //! | `physics` | the rapier world; only with the feature `physics`, which perception and manipulation never enable |
 //!
@@ -22,6 +23,7 @@ pub mod condition;
 pub mod convert;
 pub mod error;
 pub mod frame;
+pub mod gpu;
 pub mod images;
 pub mod mesh;
 pub mod objects;

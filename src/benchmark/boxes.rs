@@ -102,6 +102,26 @@ impl Boxes {
                         add(object, elsewhere(&bbox, &size, &mut random), 1.0)?;
                     }
                 }
+                // A detector takes other objects for one that is not there.
+                let others: Vec<[f64; 4]> = bop
+                    .ground_truths
+                    .iter()
+                    .filter_map(|truth| {
+                        let object = objects.iter().find(|o| o.info.bop_id == truth.obj_id)?;
+                        true_box(truth, object, &frame.intrinsics)
+                    })
+                    .collect();
+                let there = |object: &ObjectModel| {
+                    bop.ground_truths.iter().any(|truth| truth.obj_id == object.info.bop_id)
+                };
+                for object in objects.iter().filter(|object| !there(object)) {
+                    for _ in 0..=FALSE_BOXES {
+                        let Some(bbox) = others.get(random.random_range(0..others.len().max(1))) else {
+                            break;
+                        };
+                        add(object, jittered(bbox, &size, &mut random), 1.0)?;
+                    }
+                }
             }
             Self::File(boxes) => {
                 for entry in boxes.get(&(bop.scene_id, bop.im_id)).into_iter().flatten() {

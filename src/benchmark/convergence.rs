@@ -1,13 +1,11 @@
 //! How searches converge: the error of their best pose after each iteration (Fig. 3 of the GRIP paper).
 
 use std::collections::BTreeSet;
-use std::sync::Arc;
 
 use anyhow::{Context, Result};
 use grip_perception::metrics::Surface;
 use grip_perception::{PoseEstimator, TracePoint};
 use grip_sim::bop::{Dataset, GroundTruth};
-use grip_sim::objects::ObjectModel;
 use indicatif::ProgressBar;
 use serde::Serialize;
 
@@ -15,6 +13,9 @@ use super::boxes::Boxes;
 use super::estimates::{camera_frame, image_seed, targets};
 use super::objects;
 use crate::plot::{Axis, Curve, Figure, Panel};
+
+/// What of a point is drawn.
+type Quantity = fn(&Measured) -> f64;
 
 /// Points of a curve over time.
 const TIMES: usize = 300;
@@ -53,12 +54,12 @@ pub struct Trial {
     /// As of `grip estimate`.
     pub seed: u64,
     /// After each iteration; empty where there was nothing to draw hypotheses from.
-    pub points: Vec<Error>,
+    pub points: Vec<Measured>,
 }
 
 /// The error of the best pose after an iteration.
 #[derive(Debug, Clone, Copy, Serialize)]
-pub struct Error {
+pub struct Measured {
     /// From 1.
     pub iteration: usize,
     /// Rendered and weighed by then.
@@ -73,7 +74,7 @@ pub struct Error {
 
 /// All searches.
 pub struct Convergence {
-    /// By contender, object and seed.
+    /// By object, seed and contender.
     pub trials: Vec<Trial>,
 }
 
@@ -91,22 +92,20 @@ impl Searches<'_> {
         let models = asked.iter().map(|id| objects::load(self.dataset, *id)).collect::<Result<Vec<_>>>()?;
         progress.set_length((contenders.len() * ids.len() * self.seeds.clone().count()) as u64);
         let mut trials = Vec::new();
-        for (index, contender) in contenders.iter().enumerate() {
-            for &obj_id in &ids {
-                let of_object = |model: &&Arc<ObjectModel>| model.info.bop_id == obj_id;
-                let model = models.iter().find(of_object).cloned().context("a model was not loaded")?;
-                let points = self.dataset.load_evaluation_model(obj_id)?.mesh.positions.clone();
-                let surface = Surface::new(points.iter().map(|p| p.cast()).collect());
-                let truths: Vec<&GroundTruth> =
-                    bop.ground_truths.iter().filter(|truth| truth.obj_id == obj_id).collect();
-                for seed in self.seeds.clone() {
-                    let of_image = image_seed(seed, self.image);
-                    let detections = self.boxes.of(&bop, &frame, &models, of_image)?;
-                    let beliefs =
-                        contender.estimator.estimate(&frame, &detections, &[model.clone()], of_image)?;
+        for obj_id in ids {
+            let model = models.iter().find(|model| model.info.bop_id == obj_id);
+            let model = std::slice::from_ref(model.context("a model was not loaded")?);
+            let points = self.dataset.load_evaluation_model(obj_id)?.mesh.positions.clone();
+            let surface = Surface::new(points.iter().map(|p| p.cast()).collect());
+            let truths: Vec<&GroundTruth> =
+                bop.ground_truths.iter().filter(|truth| truth.obj_id == obj_id).collect();
+            for seed in self.seeds.clone() {
+                let of_image = image_seed(seed, self.image);
+                let detections = self.boxes.of(&bop, &frame, &models, of_image)?;
+                for (estimator, contender) in contenders.iter().enumerate() {
+                    let beliefs = contender.estimator.estimate(&frame, &detections, model, of_image)?;
                     let trace = beliefs.into_iter().next().map(|belief| belief.trace).unwrap_or_default();
-                    let points = errors(&trace, &surface, &truths);
-                    trials.push(Trial { estimator: index, obj_id, seed, points });
+                    trials.push(Trial { estimator, obj_id, seed, points: errors(&trace, &surface, &truths) });
                     progress.inc(1);
                 }
             }
@@ -156,7 +155,7 @@ impl Searches<'_> {
 }
 
 /// The errors of a trace; of more instances of the object the nearest one counts.
-fn errors(trace: &[TracePoint], surface: &Surface, truths: &[&GroundTruth]) -> Vec<Error> {
+fn errors(trace: &[TracePoint], surface: &Surface, truths: &[&GroundTruth]) -> Vec<Measured> {
     // An answer stands for many iterations: its errors are taken once.
     let mut last: Option<(&TracePoint, [f64; 2])> = None;
     (1..)
@@ -172,7 +171,7 @@ fn errors(trace: &[TracePoint], surface: &Surface, truths: &[&GroundTruth]) -> V
             let known = last.filter(|(before, _)| before.best == point.best).map(|(_, errors)| errors);
             let [adds_m, add_m] = known.unwrap_or_else(measured);
             last = Some((point, [adds_m, add_m]));
-            Error { iteration, hypotheses: point.hypotheses, seconds: point.seconds, add_m, adds_m }
+            Measured { iteration, hypotheses: point.hypotheses, seconds: point.seconds, add_m, adds_m }
         })
         .collect()
 }
@@ -208,7 +207,7 @@ struct Spread {
 
 impl Convergence {
     /// The searches of one contender that had something to search.
-    fn of(&self, estimator: usize) -> Vec<&[Error]> {
+    fn of(&self, estimator: usize) -> Vec<&[Measured]> {
         let mine = self.trials.iter().filter(|trial| trial.estimator == estimator);
         mine.map(|trial| trial.points.as_slice()).filter(|points| !points.is_empty()).collect()
     }
@@ -216,9 +215,8 @@ impl Convergence {
     /// Figures of one contender.
     pub fn summary(&self, estimator: usize) -> Summary {
         let searches = self.trials.iter().filter(|trial| trial.estimator == estimator).count();
-        let ends: Vec<&Error> = self.of(estimator).iter().filter_map(|points| points.last()).collect();
-        let mean =
-            |value: fn(&Error) -> f64| ends.iter().map(|e| value(e)).sum::<f64>() / ends.len().max(1) as f64;
+        let ends: Vec<&Measured> = self.of(estimator).iter().filter_map(|points| points.last()).collect();
+        let mean = |value: Quantity| ends.iter().map(|e| value(e)).sum::<f64>() / ends.len().max(1) as f64;
         Summary {
             searches,
             empty: searches - ends.len(),
@@ -233,9 +231,8 @@ impl Convergence {
 
     /// ADD-S and ADD, against iterations and time.
     pub fn figure(&self, title: String, contenders: &[Contender]) -> Figure {
-        let millimetres: [(&str, fn(&Error) -> f64); 2] =
-            [("ADD-S", |e| 1e3 * e.adds_m), ("ADD", |e| 1e3 * e.add_m)];
-        let keys: [(&str, &str, fn(&Error) -> f64); 2] =
+        let millimetres: [(&str, Quantity); 2] = [("ADD-S", |e| 1e3 * e.adds_m), ("ADD", |e| 1e3 * e.add_m)];
+        let keys: [(&str, &str, Quantity); 2] =
             [("iteration", "iterations", |e| e.iteration as f64), ("time, ms", "ms", |e| 1e3 * e.seconds)];
         let mut panels = Vec::new();
         for (metric, error) in millimetres {
@@ -275,7 +272,7 @@ impl Convergence {
 }
 
 /// Where a curve has its points: at each iteration, or at times that are evenly spaced on a logarithmic axis.
-fn places(searches: &[&[Error]], key: fn(&Error) -> f64, continuous: bool) -> Vec<f64> {
+fn places(searches: &[&[Measured]], key: Quantity, continuous: bool) -> Vec<f64> {
     let first = searches.iter().filter_map(|points| points.first()).map(key).fold(0.0, f64::max);
     let last = searches.iter().filter_map(|points| points.last()).map(key).fold(first, f64::max);
     if !continuous {
@@ -285,15 +282,10 @@ fn places(searches: &[&[Error]], key: fn(&Error) -> f64, continuous: bool) -> Ve
 }
 
 /// Over all searches at each of `xs`; one that has ended keeps its last error.
-fn spreads(
-    searches: &[&[Error]],
-    xs: &[f64],
-    key: fn(&Error) -> f64,
-    error: fn(&Error) -> f64,
-) -> Vec<Spread> {
+fn spreads(searches: &[&[Measured]], xs: &[f64], key: Quantity, error: Quantity) -> Vec<Spread> {
     // Powers of ten through logarithms are off in their last digits.
     let reached = |x: f64| x * (1.0 + 1e-12);
-    let at = |points: &[Error], x: f64| {
+    let at = |points: &[Measured], x: f64| {
         let count = points.partition_point(|point| key(point) <= reached(x));
         count.checked_sub(1).map(|i| error(&points[i]))
     };
@@ -322,10 +314,10 @@ fn quantile(sorted: &[f64], q: f64) -> f64 {
 mod tests {
     use super::*;
 
-    fn search(errors: &[f64], seconds: f64) -> Vec<Error> {
+    fn search(errors: &[f64], seconds: f64) -> Vec<Measured> {
         (1..)
             .zip(errors)
-            .map(|(i, &adds_m)| Error {
+            .map(|(i, &adds_m)| Measured {
                 iteration: i,
                 hypotheses: 10 * i,
                 seconds: seconds * i as f64,
@@ -339,13 +331,13 @@ mod tests {
     fn a_search_that_ended_keeps_its_error_and_the_mean_begins_when_all_have_one() {
         let (a, b) = (search(&[8.0, 4.0], 1.0), search(&[6.0, 3.0, 1.0], 3.0));
         let searches = [a.as_slice(), b.as_slice()];
-        let iteration = |e: &Error| e.iteration as f64;
+        let iteration = |e: &Measured| e.iteration as f64;
         let xs = places(&searches, iteration, false);
         let found = spreads(&searches, &xs, iteration, |e| e.adds_m);
         let expected = [(1.0, 7.0, [6.5, 7.5]), (2.0, 3.5, [3.25, 3.75]), (3.0, 2.5, [1.75, 3.25])];
         assert_eq!(found, expected.map(|(x, mean, quartiles)| Spread { x, mean, quartiles }));
 
-        let seconds = |e: &Error| e.seconds;
+        let seconds = |e: &Measured| e.seconds;
         let times = places(&searches, seconds, true);
         assert!((times[0] - 3.0).abs() < 1e-12 && (times[TIMES] - 9.0).abs() < 1e-9);
         let found = spreads(&searches, &times, seconds, |e| e.adds_m);

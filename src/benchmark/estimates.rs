@@ -17,6 +17,7 @@ use grip_sim::pose::Pose;
 use grip_sim::rng;
 use indicatif::ProgressBar;
 use rand::RngExt;
+use rand::seq::SliceRandom;
 use rayon::prelude::*;
 
 use super::boxes::Boxes;
@@ -30,6 +31,8 @@ pub struct Run<'a> {
     pub boxes: &'a Boxes,
     /// Who estimates.
     pub estimator: &'a dyn PoseEstimator,
+    /// How many objects an image that are not in it are looked for, too.
+    pub absent: usize,
     /// Seed of everything random.
     pub seed: u64,
     /// All that the estimates depend on, in a line: runs that differ in it are not mixed.
@@ -109,6 +112,16 @@ impl Run<'_> {
         let mut wanted: BTreeMap<(u32, u32), Wanted> = BTreeMap::new();
         for Target { scene_id, im_id, obj_id, inst_count } in targets(self.dataset)? {
             wanted.entry((scene_id, im_id)).or_default().insert(obj_id, inst_count);
+        }
+        if self.absent > 0 {
+            let known = self.dataset.model_ids()?;
+            for (&(scene_id, im_id), objects) in &mut wanted {
+                let truth = self.dataset.ground_truths(scene_id, im_id)?;
+                let missing = known.iter().filter(|id| truth.iter().all(|t| t.obj_id != **id));
+                let mut missing: Vec<u32> = missing.copied().collect();
+                missing.shuffle(&mut rng::stream(self.seed, &format!("absent/{scene_id}/{im_id}")));
+                objects.extend(missing.into_iter().take(self.absent).map(|id| (id, 1)));
+            }
         }
         Ok(wanted)
     }

@@ -14,6 +14,7 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::estimates::targets;
+use super::presence::{Presence, presence};
 
 /// Thresholds of the accuracy curves, metres: the paper's, and PoseCNN's.
 pub const THRESHOLDS: [f64; 2] = [0.04, 0.1];
@@ -31,7 +32,7 @@ pub struct Case {
     pub(super) im_id: u32,
     pub(super) obj_id: u32,
     /// Confidence of its estimate.
-    score: Option<f64>,
+    pub(super) score: Option<f64>,
     /// Metres; infinite where there is no estimate.
     pub(super) add: f64,
     pub(super) adds: f64,
@@ -92,6 +93,8 @@ pub struct Evaluation {
     pub conditions: BTreeMap<String, Figures>,
     /// Estimates of images or objects that are not asked for.
     pub ignored: usize,
+    /// What the confidences are worth.
+    pub presence: Presence,
     /// Every instance.
     #[serde(skip)]
     pub cases: Vec<Case>,
@@ -179,6 +182,7 @@ pub fn evaluate(dataset: &Dataset, estimates: &[Estimate]) -> Result<Evaluation>
         .into_iter()
         .flatten()
         .collect();
+    let presence = presence(dataset, estimates, &cases)?;
     let names = conditions(dataset)?;
     let mut objects: BTreeMap<u32, Vec<Case>> = BTreeMap::new();
     let mut by_condition: BTreeMap<String, Vec<Case>> = BTreeMap::new();
@@ -192,7 +196,8 @@ pub fn evaluate(dataset: &Dataset, estimates: &[Estimate]) -> Result<Evaluation>
         all: figures(&cases),
         objects: objects.into_iter().map(|(id, cases)| (id, figures(&cases))).collect(),
         conditions: by_condition.into_iter().map(|(name, cases)| (name, figures(&cases))).collect(),
-        ignored: estimates.len() - asked,
+        ignored: estimates.len() - asked - presence.absent,
+        presence,
         cases,
         views: names,
     })

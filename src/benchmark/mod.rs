@@ -7,6 +7,7 @@ mod estimates;
 mod evaluation;
 mod objects;
 mod paper;
+mod presence;
 mod published;
 
 pub use accuracy::figure as accuracy_figure;
@@ -15,4 +16,5 @@ pub use convergence::{Contender, Convergence, Searches};
 pub use estimates::{Estimated, Run};
 pub use evaluation::{Case, Evaluation, Figures, THRESHOLDS, evaluate};
 pub use paper::{Area, PaperTable};
+pub use presence::Presence;
 pub use published::METHODS;

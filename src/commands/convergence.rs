@@ -2,7 +2,7 @@
 
 use anyhow::{Context, Result};
 use clap::ValueEnum;
-use grip_perception::{ClusterSettings, Clusters};
+use grip_perception::{ClusterSettings, Clusters, HypothesisRenderer};
 use grip_sim::bop::Dataset;
 use serde_json::{Value, json};
 
@@ -26,7 +26,9 @@ pub fn run(args: &ConvergenceArgs) -> Result<Done> {
     let boxes = Boxes::open(&args.boxes, clusters)?;
     let (mut contenders, mut settings) = (Vec::new(), Vec::new());
     for choice in &args.estimator {
-        let (estimator, used) = estimator(choice.estimator, choice.settings.as_deref(), plane.clone(), true)?;
+        let file = choice.settings.as_deref();
+        let renderer = HypothesisRenderer::Cpu;
+        let (estimator, used) = estimator(choice.estimator, file, plane.clone(), renderer, true)?;
         contenders.push(Contender { name: name(choice), estimator });
         settings.push(used);
     }

@@ -5,8 +5,8 @@ use std::time::Instant;
 
 use anyhow::{Context, Result};
 use grip_perception::{
-    ClusterSettings, Clusters, GripEstimator, GripSettings, PaperEstimator, PaperSettings, PlaneSettings,
-    PoseEstimator,
+    ClusterSettings, Clusters, GripEstimator, GripSettings, HypothesisRenderer, PaperEstimator,
+    PaperSettings, PlaneSettings, PoseEstimator,
 };
 use grip_sim::bop::Dataset;
 use indicatif::{ProgressBar, ProgressStyle};
@@ -16,7 +16,7 @@ use serde_json::{Value, json};
 
 use super::Done;
 use crate::benchmark::{Boxes, Estimated, Run};
-use crate::cli::{EstimateArgs, EstimatorChoice};
+use crate::cli::{EstimateArgs, EstimatorChoice, Hypotheses};
 use crate::output;
 
 /// Writes the results file.
@@ -25,19 +25,31 @@ pub fn run(args: &EstimateArgs) -> Result<Done> {
     let plane = plane(&args.dataset);
     let clusters = Clusters::new(ClusterSettings { plane: plane.clone(), ..ClusterSettings::default() });
     let boxes = Boxes::open(&args.boxes, clusters)?;
-    let (estimator, settings) = estimator(args.estimator, args.settings.as_deref(), plane, false)?;
+    anyhow::ensure!(
+        args.estimator == EstimatorChoice::Grip || args.hypotheses != Hypotheses::Gpu,
+        "--hypotheses gpu: the paper's filter renders on the CPU only; leave it out, or use --estimator grip"
+    );
+    let renderer = match args.estimator {
+        EstimatorChoice::Grip => HypothesisRenderer::open(args.hypotheses.into())?,
+        _ => HypothesisRenderer::Cpu,
+    };
+    let hypotheses = renderer.to_string();
+    let (estimator, settings) = estimator(args.estimator, args.settings.as_deref(), plane, renderer, false)?;
     let described = json!({
         "dataset": args.dataset,
         "split": dataset.split(),
         "boxes": args.boxes,
+        "absent": args.absent,
         "seed": args.seed,
         "estimator": estimator.name(),
+        "hypotheses": hypotheses,
         "settings": settings,
     });
     let run = Run {
         dataset: &dataset,
         boxes: &boxes,
         estimator: &*estimator,
+        absent: args.absent as usize,
         seed: args.seed,
         settings: described.to_string(),
     };
@@ -67,6 +79,7 @@ pub(super) fn estimator(
     choice: EstimatorChoice,
     changes: Option<&Path>,
     plane: PlaneSettings,
+    renderer: HypothesisRenderer,
     trace: bool,
 ) -> Result<(Box<dyn PoseEstimator>, Value)> {
     match choice {
@@ -74,7 +87,7 @@ pub(super) fn estimator(
             let settings =
                 changed(GripSettings { plane: Some(plane), trace, ..GripSettings::default() }, changes)?;
             let shown = json!(&settings);
-            Ok((Box::new(GripEstimator::new(settings)?), shown))
+            Ok((Box::new(GripEstimator::new(settings)?.with_renderer(renderer)), shown))
         }
         EstimatorChoice::Paper | EstimatorChoice::PaperGuarded => {
             let settings = match choice {
@@ -121,11 +134,15 @@ fn report(args: &EstimateArgs, settings: &Value, estimated: &Estimated, wall_s: 
     }
     let helped = matches!(args.boxes.as_str(), "gt" | "jittered");
     output::data(format_args!(
-        "{}: {poses} poses in {images} images ({kept} more kept from before), {wall_s:.1} s, {:.0} ms an image{}\n\
+        "{}: {poses} poses in {images} images ({kept} more kept from before), {wall_s:.1} s, {:.0} ms an image{}{}\n\
          next: grip eval {} {}",
         out.display(),
         1e3 * seconds / images.max(1) as f64,
         if helped { "; boxes from the TRUTH" } else { "" },
+        match settings["hypotheses"].as_str() {
+            Some(renderer) if renderer != "cpu" => format!("; hypotheses on the {renderer}"),
+            _ => String::new(),
+        },
         args.dataset.display(),
         out.display(),
     ))

@@ -8,7 +8,9 @@ use grip_sim::bop::{self, Dataset};
 use serde_json::{Value, json};
 
 use super::Done;
-use crate::benchmark::{Area, Case, Evaluation, Figures, METHODS, PaperTable, accuracy_figure, evaluate};
+use crate::benchmark::{
+    Area, Case, Evaluation, Figures, METHODS, PaperTable, Presence, accuracy_figure, evaluate,
+};
 use crate::cli::EvalArgs;
 use crate::{output, plot};
 
@@ -97,6 +99,7 @@ fn summary(
         "all": evaluation.all,
         "objects": evaluation.objects,
         "conditions": evaluation.conditions,
+        "presence": evaluation.presence,
     });
     if let Some(paper) = paper {
         json["paper"] = serde_json::to_value(paper)?;
@@ -127,7 +130,28 @@ fn print(evaluation: &Evaluation, paper: Option<&PaperTable>) -> Result<()> {
         .map(|(id, figures)| row(&format!("object {id}"), figures))
         .chain(evaluation.conditions.iter().map(|(name, figures)| row(&format!("view {name}"), figures)))
         .chain([row("all", &evaluation.all)]);
-    output::data(format_args!("{}", output::table(header, &[1, 2, 3, 4, 5, 6, 7, 8, 9, 10], rows)))
+    output::data(format_args!("{}", output::table(header, &[1, 2, 3, 4, 5, 6, 7, 8, 9, 10], rows)))?;
+    output::data(format_args!("{}", confidences(&evaluation.presence)))
+}
+
+/// What the confidences are worth, in a line or two.
+fn confidences(p: &Presence) -> String {
+    let percent = |share: f64| format!("{:.1} %", 100.0 * share);
+    let mut text = format!(
+        "confidence: off by {} on average; {} of {} estimates of present objects have 0.5 or more",
+        percent(p.calibration_error),
+        percent(p.said_there[0]),
+        p.present
+    );
+    if let (Some(auroc), Some(found)) = (p.auroc, p.found_at_5_percent) {
+        text += &format!(
+            ", and {} of {} of absent ones\nthere or not: area under the ROC curve {auroc:.4}; {} of present objects found at 5 % false alarms",
+            percent(p.said_there[1]),
+            p.absent,
+            percent(found)
+        );
+    }
+    text
 }
 
 fn row(name: &str, f: &Figures) -> [String; 11] {

@@ -4,12 +4,13 @@ use std::path::PathBuf;
 use std::time::Duration;
 
 use anyhow::{Result, ensure};
+use grip_perception::HypothesisRenderer;
 use grip_sim::objects::ObjectSet;
 use grip_sim::render;
 use indicatif::{ProgressBar, ProgressStyle};
 
 use super::Done;
-use crate::cli::{Detector, PackArgs};
+use crate::cli::{Detector, Estimator, PackArgs};
 use crate::outcome::TrialResult;
 use crate::run_dir::RunDir;
 use crate::setup::Setup;
@@ -20,7 +21,10 @@ use crate::{output, pictures, report};
 pub fn run(args: &PackArgs) -> Result<Done> {
     // What a full disk or a wrong --out would spoil is found out before the work, not after it.
     let named = args.out.as_deref().map(RunDir::begin).transpose()?;
-    let setup = Setup::load(&args.scene, &args.condition)?;
+    let mut setup = Setup::load(&args.scene, &args.condition)?;
+    if args.estimator == Estimator::Grip {
+        setup.hypotheses = HypothesisRenderer::open(args.hypotheses.into())?;
+    }
     let run = match named {
         Some(run) => run,
         None => RunDir::begin(&default_folder(args, &setup))?,
@@ -57,6 +61,9 @@ fn default_folder(args: &PackArgs, setup: &Setup) -> PathBuf {
     if setup.library.set() != &ObjectSet::BuiltIn {
         parts.push(setup.library.set().label().into());
     }
+    if setup.hypotheses.name() != "cpu" {
+        parts.push(setup.hypotheses.name().into());
+    }
     if let Some(items) = args.items {
         parts.push(format!("items{items}"));
     }
@@ -84,6 +91,7 @@ fn save(run: &RunDir, setup: &Setup, args: &PackArgs, trial: &Trial) -> Result<(
         "items": trial.result.requested,
         "object_set": setup.library.set().label(),
         "renderer": trial.result.renderer,
+        "hypotheses": setup.hypotheses.to_string(),
         "robot": setup.robot.name(),
         "urdf": setup.robot.source(),
         "objects": setup.models.iter().map(|model| &model.info).collect::<Vec<_>>(),
@@ -124,9 +132,10 @@ fn table(result: &TrialResult) -> String {
     });
     let header = ["object", "outcome", "ADD-S mm", "slip mm", "peak N", "tries", "why"];
     let table = output::table(header, &[2, 3, 4, 5], rows);
+    let hypotheses = if result.hypotheses == "cpu" { "" } else { ", hypotheses: gpu" };
     let mark = if result.estimator == "truth" { " [estimator: truth, a ceiling and no result]" } else { "" };
     format!(
-        "{table}\n\n{} of {} packed in {:.1} s ({:.1} s simulated), objects: {}, renderer: {}{mark}",
+        "{table}\n\n{} of {} packed in {:.1} s ({:.1} s simulated), objects: {}, renderer: {}{hypotheses}{mark}",
         result.packed, result.requested, result.wall_s, result.sim_s, result.object_set, result.renderer
     )
 }

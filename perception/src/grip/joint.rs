@@ -20,14 +20,10 @@ pub(crate) fn explained(model: &Model, pose: &Isometry3<f32>, observation: &Obse
     if render(&mut raster, model.lod(TRIANGLES), pose, level, None).is_none() {
         return marks;
     }
-    let tile = &raster.tile;
-    for y in 0..tile.height {
-        for x in 0..tile.width {
-            let w = tile.values()[tile.index(x, y)];
-            let i = level.index(tile.u0 + x as i32, tile.v0 + y as i32);
-            let close = (level.w[i] - w).abs() < KERNEL * level.tol[i] * w;
-            marks[i] = w > 0.0 && level.w[i] > 0.0 && close && level.weight[i] > 0.0;
-        }
+    for (u, v, w) in raster.tile.pixels() {
+        let i = level.index(u, v);
+        let close = (level.w[i] - w).abs() < KERNEL * level.tol[i] * w;
+        marks[i] = level.w[i] > 0.0 && close && level.weight[i] > 0.0;
     }
     marks
 }

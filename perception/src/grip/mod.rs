@@ -45,7 +45,7 @@ use self::search::{FINAL_TRIANGLES, Found, Hypothesis, Search, reach};
 use crate::detector::{Detections, check_frame};
 use crate::error::Result;
 use crate::estimator::PoseEstimator;
-use crate::hypotheses::{Cpu, Observation};
+use crate::hypotheses::{HypothesisRenderer, Observation};
 use crate::posterior::PosePosterior;
 
 /// Triangles at which the joint step draws, besides those of the levels.
@@ -61,16 +61,24 @@ const SPREAD_DIRECTIONS: usize = 64;
 pub struct GripEstimator {
     settings: GripSettings,
     models: ModelCache,
+    renderer: HypothesisRenderer,
 }
 
 impl GripEstimator {
-    /// With these settings.
+    /// With these settings, on the CPU.
     ///
     /// # Errors
     /// [`crate::Error::Setting`] for a value out of range.
     pub fn new(settings: GripSettings) -> Result<Self> {
         settings.check()?;
-        Ok(Self { settings, models: ModelCache::default() })
+        Ok(Self { settings, ..Self::default() })
+    }
+
+    /// With hypotheses rendered by `renderer`.
+    #[must_use]
+    pub fn with_renderer(mut self, renderer: HypothesisRenderer) -> Self {
+        self.renderer = renderer;
+        self
     }
 
     /// The settings in use.
@@ -85,13 +93,13 @@ impl GripEstimator {
         detections: &Detections,
         seed: u64,
         stream: &str,
-    ) -> (Option<Found>, f64) {
+    ) -> Result<(Option<Found>, f64)> {
         let start = Instant::now();
         let boxes = box_priors(detections.of(&model.name), observation);
         let mut rng = rng::stream(seed, stream);
-        let found =
-            Search::new(model, observation, &boxes, &self.settings, &mut Cpu::default()).run(&mut rng);
-        (found, start.elapsed().as_secs_f64())
+        let mut renderer = self.renderer.session();
+        let found = Search::new(model, observation, &boxes, &self.settings, &mut *renderer).run(&mut rng)?;
+        Ok((found, start.elapsed().as_secs_f64()))
     }
 }
 
@@ -117,10 +125,10 @@ impl PoseEstimator for GripEstimator {
         let mut results: Vec<(Option<Found>, f64)> = (0..models.len())
             .into_par_iter()
             .map(|i| self.search(&models[i], &observation, detections, seed, &stream(i)))
-            .collect();
+            .collect::<Result<_>>()?;
         self.settle_conflicts(&models, &observation, &mut results, |i, seen| {
             self.search(&models[i], seen, detections, seed, &format!("{}/again", stream(i)))
-        });
+        })?;
         Ok(models
             .iter()
             .zip(results)
@@ -137,8 +145,8 @@ impl GripEstimator {
         models: &[Arc<Model>],
         observation: &Observation,
         results: &mut [(Option<Found>, f64)],
-        again: impl Fn(usize, &Observation) -> (Option<Found>, f64),
-    ) {
+        again: impl Fn(usize, &Observation) -> Result<(Option<Found>, f64)>,
+    ) -> Result<()> {
         let score = |r: &(Option<Found>, f64)| r.0.as_ref().map_or(0.0, |f| f.best.score);
         let mut order: Vec<usize> = (0..results.len()).collect();
         order.sort_by(|&a, &b| score(&results[b]).total_cmp(&score(&results[a])).then(a.cmp(&b)));
@@ -151,7 +159,7 @@ impl GripEstimator {
             let conflict = claims.iter().any(|c| joint::overlap(c, &mine) > self.settings.conflict_share);
             if conflict && found.best.score > self.settings.hopeless_score {
                 let rest = observation.without(&taken);
-                let (second, seconds) = again(i, &rest);
+                let (second, seconds) = again(i, &rest)?;
                 let (hypotheses, trace) = (found.hypotheses, found.trace.clone());
                 let before = (hypotheses, results[i].1);
                 results[i].1 += seconds;
@@ -165,6 +173,7 @@ impl GripEstimator {
             joint::claim(&mut taken, &mine, pitch);
             claims.push(mine);
         }
+        Ok(())
     }
 }
 

@@ -18,7 +18,7 @@ const OUTLINE_DIRECTIONS: usize = 20;
 pub(crate) struct Model {
     pub name: String,
     /// By number of triangles asked for, ascending.
-    lods: Vec<(usize, Lod)>,
+    lods: Vec<(usize, Arc<Lod>)>,
     /// Extreme points: their hull is nearly the convex hull of the mesh.
     pub hull: Vec<Vector3<f32>>,
     /// A few extreme points, for quick bounds.
@@ -48,7 +48,7 @@ impl Model {
         let mut counts = triangle_counts.to_vec();
         counts.sort_unstable();
         counts.dedup();
-        let simple = simplify(&positions, &triangles, &counts);
+        let simple = simplify(&positions, &triangles, &counts).into_iter().map(Arc::new);
         let lods = counts.into_iter().zip(simple).collect();
         let points: Vec<Vector3<f32>> = positions.iter().map(|p| Vector3::from(*p)).collect();
         let hull = extreme_points(&points, HULL_DIRECTIONS);
@@ -67,7 +67,7 @@ impl Model {
     }
 
     /// The coarsest mesh of at least `triangles`.
-    pub fn lod(&self, triangles: usize) -> &Lod {
+    pub fn lod(&self, triangles: usize) -> &Arc<Lod> {
         let found = self.lods.iter().find(|(count, _)| *count >= triangles);
         &found.unwrap_or(&self.lods[self.lods.len() - 1]).1
     }

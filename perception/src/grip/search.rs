@@ -12,6 +12,7 @@ use super::score::score;
 use super::settings::{GripSettings, SearchLevel};
 use super::trace::Trace;
 use crate::detector::iou;
+use crate::error::Result;
 use crate::hypotheses::{Batch, Extent, FlatPlane, Hypotheses, Observation, Rendered};
 use crate::posterior::TracePoint;
 
@@ -96,12 +97,12 @@ impl<'a> Search<'a> {
     }
 
     /// Restarts until one is sure, or the best score was reached twice at the same place.
-    pub fn run<R: Rng>(&mut self, rng: &mut R) -> Option<Found> {
+    pub fn run<R: Rng>(&mut self, rng: &mut R) -> Result<Option<Found>> {
         let mut ends: Vec<Hypothesis> = Vec::new();
         let mut population = Vec::new();
         let mut best: Option<Hypothesis> = None;
         for _ in 0..self.settings.max_restarts {
-            let candidates = self.descend(rng);
+            let candidates = self.descend(rng)?;
             let Some(end) = candidates.first().copied() else {
                 continue;
             };
@@ -120,19 +121,19 @@ impl<'a> Search<'a> {
                 break;
             }
         }
-        let found = best?;
+        let Some(found) = best else { return Ok(None) };
         let agreeing = ends.iter().filter(|e| self.same(e, &found)).count();
-        let best = self.best_of_twins(found, &mut population);
+        let best = self.best_of_twins(found, &mut population)?;
         if self.settings.twins {
             self.trace.answer(self.rendered, &best.pose);
         }
         population.sort_by(|a, b| b.score.total_cmp(&a.score));
         let trace = self.trace.take();
-        Some(Found { best, population, restarts: ends.len(), agreeing, hypotheses: self.rendered, trace })
+        Ok(Some(Found { best, population, restarts: ends.len(), agreeing, hypotheses: self.rendered, trace }))
     }
 
     /// One pass through the levels and the polish; the survivors, best first.
-    fn descend<R: Rng>(&mut self, rng: &mut R) -> Vec<Hypothesis> {
+    fn descend<R: Rng>(&mut self, rng: &mut R) -> Result<Vec<Hypothesis>> {
         let settings = self.settings;
         let mut population: Vec<Hypothesis> = Vec::new();
         for (depth, level) in settings.levels.iter().enumerate() {
@@ -158,7 +159,7 @@ impl<'a> Search<'a> {
                 if iteration > 0 {
                     population = diffuse(&population, level, iteration - 1, ess, rng);
                 }
-                self.advance(&mut population, level);
+                self.advance(&mut population, level)?;
                 self.trace.iteration(self.rendered, population.first().map(|h| &h.pose));
             }
         }
@@ -167,7 +168,7 @@ impl<'a> Search<'a> {
     }
 
     /// Moves and weighs every hypothesis of a level.
-    fn advance(&mut self, population: &mut [Hypothesis], level: &SearchLevel) {
+    fn advance(&mut self, population: &mut [Hypothesis], level: &SearchLevel) -> Result<()> {
         let batch = Batch {
             lod: self.model.lod(level.triangles),
             stride: self.stride(level),
@@ -176,11 +177,12 @@ impl<'a> Search<'a> {
             ..self.full_batch()
         };
         let mut poses: Vec<Isometry3<f32>> = population.iter().map(|h| h.pose).collect();
-        let scores = self.weigh(&batch, &mut poses);
+        let scores = self.weigh(&batch, &mut poses)?;
         for ((h, pose), score) in population.iter_mut().zip(poses).zip(scores) {
             *h = Hypothesis { pose, score };
         }
         population.sort_by(|a, b| b.score.total_cmp(&a.score));
+        Ok(())
     }
 
     /// Full resolution, no steps.
@@ -198,47 +200,47 @@ impl<'a> Search<'a> {
     }
 
     /// The poses after Gauss-Newton steps at full resolution, or as they were where these did not help; best first.
-    fn polished(&mut self, mut poses: Vec<Isometry3<f32>>) -> Vec<Hypothesis> {
+    fn polished(&mut self, mut poses: Vec<Isometry3<f32>>) -> Result<Vec<Hypothesis>> {
         let still = self.full_batch();
-        let before = self.weigh(&still, &mut poses.clone());
+        let before = self.weigh(&still, &mut poses.clone())?;
         let mut out: Vec<Hypothesis> =
             poses.iter().zip(before).map(|(&pose, score)| Hypothesis { pose, score }).collect();
         let moving = Batch { steps: self.settings.final_steps, converged_m: CONVERGED_M, ..still };
-        let after = self.weigh(&moving, &mut poses);
+        let after = self.weigh(&moving, &mut poses)?;
         for ((h, pose), score) in out.iter_mut().zip(poses).zip(after) {
             if score > h.score {
                 *h = Hypothesis { pose, score };
             }
         }
         out.sort_by(|a, b| b.score.total_cmp(&a.score));
-        out
+        Ok(out)
     }
 
     /// The best of `found` and what it is easily taken for: itself turned by half a turn about an axis of its frame. They go
     /// to the population.
-    fn best_of_twins(&mut self, found: Hypothesis, population: &mut Vec<Hypothesis>) -> Hypothesis {
+    fn best_of_twins(&mut self, found: Hypothesis, population: &mut Vec<Hypothesis>) -> Result<Hypothesis> {
         let mut best = found;
         if !self.settings.twins {
-            return best;
+            return Ok(best);
         }
         let middle = Translation3::from(self.model.middle);
         let turned = [Vector3::x_axis(), Vector3::y_axis(), Vector3::z_axis()].map(|axis| {
             let half_turn = UnitQuaternion::from_axis_angle(&axis, std::f32::consts::PI);
             found.pose * middle * half_turn * middle.inverse()
         });
-        let twins = self.polished(turned.to_vec());
+        let twins = self.polished(turned.to_vec())?;
         if twins[0].score > best.score {
             best = twins[0];
         }
         population.extend(twins);
-        best
+        Ok(best)
     }
 
     /// Moves poses as the batch says; their scores then, 0 for one that cannot be seen whole enough to be judged.
-    fn weigh(&mut self, batch: &Batch<'_>, poses: &mut [Isometry3<f32>]) -> Vec<f32> {
+    fn weigh(&mut self, batch: &Batch<'_>, poses: &mut [Isometry3<f32>]) -> Result<Vec<f32>> {
         self.rendered += poses.len();
         let Self { settings, observation, boxes, .. } = *self;
-        let rendered = self.renderer.advance(batch, poses);
+        let rendered = self.renderer.advance(batch, poses)?;
         let k = &observation.intrinsics;
         let judged = |rendered: &Option<Rendered>, pose: &Isometry3<f32>| {
             // The centre must be in the image: slivers at the border fit anything.
@@ -251,7 +253,7 @@ impl<'a> Search<'a> {
             let lowest = observation.plane.is_some().then_some(extent.lowest);
             score(terms, settings, batch.stride, support, lowest)
         };
-        rendered.iter().zip(poses.iter()).map(|(r, pose)| judged(r, pose)).collect()
+        Ok(rendered.iter().zip(poses.iter()).map(|(r, pose)| judged(r, pose)).collect())
     }
 
     /// Whether two results are one: near in score, position and surface. Hulls are compared by their support functions,

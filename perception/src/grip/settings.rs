@@ -64,7 +64,7 @@ pub struct GripSettings {
     /// scores differ little then.
     pub twins: bool,
     /// When the best of three restarts scores less, the object is not there: no more restarts, and no second search (a
-    /// true pose scores over 0.5 nearly always, an absent object finds 0.25).
+    /// true pose scores over 0.5 nearly always).
     pub hopeless_score: f32,
     /// Weight of the depth fit in the score (paper: alpha_r).
     pub fit_weight: f32,
@@ -153,7 +153,7 @@ impl Default for GripSettings {
             max_restarts: 8,
             sure_score: 0.75,
             twins: true,
-            hopeless_score: 0.25,
+            hopeless_score: 0.4,
             fit_weight: 0.6,
             edge_weight: 0.4,
             box_weight: 0.3,

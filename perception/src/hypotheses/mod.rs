@@ -2,26 +2,33 @@
 //!
 //! Read in this order: `observation` (the frame, prepared), `lod` (a mesh, prepared), `raster` (draws one hypothesis),
 //! `compare` (weighs it), `refine` (moves it), `lanes` (how all three become vector instructions).
-//! [`Hypotheses`] is what a search asks for; [`Cpu`] does it on one thread, since searches run in parallel.
+//! [`Hypotheses`] is what a search asks for; [`Cpu`] does it on one thread, since searches run in parallel, [`Gpu`] on
+//! a graphics adapter. `renderer` chooses between them.
 
 mod compare;
+mod gpu;
 pub(crate) mod lanes;
 mod lod;
 mod observation;
 mod raster;
 mod refine;
+mod renderer;
 #[cfg(test)]
 mod scalar;
 #[cfg(test)]
 pub(crate) mod tests;
 
+use std::sync::Arc;
+
 use nalgebra::Isometry3;
 
 pub use self::compare::Terms;
+pub use self::gpu::{Gpu, GpuRenderer};
 pub use self::lanes::Isa;
 pub use self::lod::Lod;
 pub use self::observation::{Level, Observation, STRIDES};
 pub use self::raster::{Extent, FlatPlane};
+pub use self::renderer::{HypothesisRenderer, HypothesisRendererChoice};
 
 pub(crate) use self::lanes::per_machine;
 pub(crate) use self::lod::{simplify, weld};
@@ -29,12 +36,13 @@ pub(crate) use self::raster::{Raster, Tile, render_on};
 
 use self::compare::compare;
 use self::refine::{accumulate, step};
+use crate::error::Result;
 
 /// What the hypotheses of one batch share.
 #[derive(Debug, Clone, Copy)]
 pub struct Batch<'a> {
     /// The mesh that is rendered.
-    pub lod: &'a Lod,
+    pub lod: &'a Arc<Lod>,
     /// Half of the object's diameter, metres: the unit of its turns.
     pub radius: f32,
     /// The frame.
@@ -64,7 +72,10 @@ pub struct Rendered {
 pub trait Hypotheses {
     /// Moves each pose (camera from object) by the batch's steps, then renders and compares it; the results are in the order
     /// of the poses. `None` for a pose that cannot be rendered: too near, behind the camera, out of the image.
-    fn advance(&mut self, batch: &Batch<'_>, poses: &mut [Isometry3<f32>]) -> &[Option<Rendered>];
+    ///
+    /// # Errors
+    /// When a graphics device fails.
+    fn advance(&mut self, batch: &Batch<'_>, poses: &mut [Isometry3<f32>]) -> Result<&[Option<Rendered>]>;
 }
 
 /// Renders on the CPU, in one thread.
@@ -83,7 +94,7 @@ impl Cpu {
 }
 
 impl Hypotheses for Cpu {
-    fn advance(&mut self, batch: &Batch<'_>, poses: &mut [Isometry3<f32>]) -> &[Option<Rendered>] {
+    fn advance(&mut self, batch: &Batch<'_>, poses: &mut [Isometry3<f32>]) -> Result<&[Option<Rendered>]> {
         let Batch { lod, radius, observation, stride, kernel, .. } = *batch;
         let isa = self.isa;
         let (level, plane) = (observation.level(stride), observation.flat_plane());
@@ -110,7 +121,7 @@ impl Hypotheses for Cpu {
                     .map(|extent| Rendered { terms: compare(isa, &self.raster.tile, level, kernel), extent }),
             );
         }
-        &self.rendered
+        Ok(&self.rendered)
     }
 }
 

@@ -1,6 +1,8 @@
 //! What the camera saw, prepared once a frame for all hypotheses of all objects: inverse depth, tolerance, plane weight
 //! and silhouette evidence at strides 1, 2, 4 and 8.
 
+use std::sync::Arc;
+
 use grip_sim::camera::Intrinsics;
 use grip_sim::frame::CameraFrame;
 use nalgebra::Point3;
@@ -63,7 +65,8 @@ impl Level {
 /// The frame at all resolutions, and the plane in it.
 #[derive(Debug, Clone)]
 pub struct Observation {
-    levels: Vec<Level>,
+    /// Shared, so that what does not change is known by its address.
+    levels: Vec<Arc<Level>>,
     /// The support plane, if one was found.
     pub plane: Option<Plane>,
     /// The camera at full resolution.
@@ -76,8 +79,10 @@ impl Observation {
         let support =
             settings.plane.as_ref().and_then(|p| fit_support_plane(frame, p, settings.workspace.as_ref()));
         let edges = near_edges(frame, settings.edge_jump_m as f32);
-        let levels =
-            STRIDES.iter().map(|&stride| level(frame, stride, support.as_ref(), &edges, settings)).collect();
+        let levels = STRIDES
+            .iter()
+            .map(|&stride| Arc::new(level(frame, stride, support.as_ref(), &edges, settings)))
+            .collect();
         Self { levels, plane: support.map(|s| s.plane), intrinsics: frame.intrinsics }
     }
 
@@ -88,6 +93,11 @@ impl Observation {
 
     /// The level of a stride that is one of [`STRIDES`].
     pub fn level(&self, stride: usize) -> &Level {
+        self.shared_level(stride)
+    }
+
+    /// The same, for who keeps what was made of it.
+    pub(super) fn shared_level(&self, stride: usize) -> &Arc<Level> {
         let i = STRIDES.iter().position(|&s| s == stride).unwrap_or(0);
         &self.levels[i]
     }
@@ -97,6 +107,7 @@ impl Observation {
         let mut copy = self.clone();
         let marks = &self.levels[1];
         for level in &mut copy.levels {
+            let level = Arc::make_mut(level);
             for v in 0..level.height {
                 for u in 0..level.width {
                     let at = |u: usize, v: usize| {

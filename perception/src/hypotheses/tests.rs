@@ -17,7 +17,8 @@ use super::lod::{Lod, unsimplified, weld};
 use super::observation::Observation;
 use super::raster::{Raster, render_on};
 use super::refine::{accumulate, step};
-use super::{Isa, render, scalar};
+use super::{Batch, Cpu, Hypotheses, Isa, render, scalar};
+use crate::allocations::allocations;
 use crate::grip::{GripSettings, Model};
 
 pub(crate) fn model(positions: Vec<Point3<f32>>, triangles: Vec<[u32; 3]>) -> Model {
@@ -43,7 +44,7 @@ pub(crate) fn model(positions: Vec<Point3<f32>>, triangles: Vec<[u32; 3]>) -> Mo
 type Parts = (Vec<Point3<f32>>, Vec<[u32; 3]>);
 
 /// A box with one corner cut off by moving it inwards, so that no turn maps it to itself.
-fn skew_box(size: [f32; 3]) -> Model {
+pub(super) fn skew_box(size: [f32; 3]) -> Model {
     let (positions, triangles) = box_mesh(size);
     model(positions, triangles)
 }
@@ -60,7 +61,7 @@ fn box_mesh(size: [f32; 3]) -> Parts {
     (positions, quads.iter().flat_map(|&[a, b, c, d]| [[a, b, c], [a, c, d]]).collect())
 }
 
-fn sphere(radius: f32) -> Model {
+pub(super) fn sphere(radius: f32) -> Model {
     let (positions, triangles) = sphere_mesh(radius);
     model(positions, triangles)
 }
@@ -91,7 +92,7 @@ fn settings() -> GripSettings {
 }
 
 /// What the camera sees of a model before a wall 2 m away.
-fn observe(model: &Model, pose: &Isometry3<f32>) -> Observation {
+pub(super) fn observe(model: &Model, pose: &Isometry3<f32>) -> Observation {
     let k = Intrinsics::FETCH;
     let mut frame = CameraFrame {
         rgb: RgbImage::new(640, 480),
@@ -114,7 +115,7 @@ fn observe(model: &Model, pose: &Isometry3<f32>) -> Observation {
     Observation::new(&frame, &settings())
 }
 
-fn placed(x: f32, y: f32, z: f32, turn: Vector3<f32>) -> Isometry3<f32> {
+pub(super) fn placed(x: f32, y: f32, z: f32, turn: Vector3<f32>) -> Isometry3<f32> {
     Isometry3::from_parts(Translation3::new(x, y, z), UnitQuaternion::from_scaled_axis(turn))
 }
 
@@ -341,6 +342,34 @@ fn the_same_bits_whatever_the_instruction_set() {
                 assert!(drawn(isa) == plain, "{isa}, pose {i}, stride {stride}");
             }
         }
+    }
+}
+
+#[test]
+fn hypotheses_are_moved_and_weighed_without_allocation() {
+    let model = lumpy();
+    let observation = observe(&model, &placed(0.0, 0.0, 0.9, Vector3::new(0.5, 0.4, 0.3)));
+    let mut cpu = Cpu::default();
+    for stride in [8, 4, 2, 1] {
+        let batch = Batch {
+            lod: model.lod(500),
+            radius: model.radius,
+            observation: &observation,
+            stride,
+            kernel: 2.0,
+            steps: 2,
+            damping: 0.01,
+            converged_m: 0.0,
+        };
+        let start: Vec<_> = (0..40).map(scattered).collect();
+        // The first time makes room.
+        cpu.advance(&batch, &mut start.clone()).unwrap();
+        let mut poses = start.clone();
+        let count = allocations(|| {
+            std::hint::black_box(cpu.advance(&batch, &mut poses)).unwrap();
+        });
+        assert_eq!(count, 0, "stride {stride}");
+        assert_ne!(poses, start);
     }
 }
 

@@ -7,7 +7,6 @@
 //! wherever in the world the robot stands.
 
 mod cache;
-mod device;
 mod pipelines;
 mod shaders;
 mod shadow;
@@ -25,7 +24,6 @@ use wgpu::{
 };
 
 use self::cache::Cache;
-use self::device::Gpu;
 use self::pipelines::{Lights, Pipelines, bind};
 use self::shadow::{Caster, ShadowViews, shadow_views};
 use self::shown::{Shown, may_be_seen};
@@ -38,6 +36,7 @@ use super::srgb::color_to_linear;
 use super::{Instance, Lighting, NEAR, RenderScene, Renderer, Rendering};
 use crate::camera::Intrinsics;
 use crate::error::{Error, Result};
+use crate::gpu::{Gpu, GpuError};
 use crate::images::Image;
 use crate::pose::{Camera, Pose, World};
 
@@ -51,6 +50,11 @@ const UNIFORM_ALIGNMENT: usize = 256;
 /// An [`Error::Renderer`] of this renderer.
 fn failed(message: impl Into<String>) -> Error {
     Error::Renderer { renderer: "wgpu", message: message.into() }
+}
+
+/// An [`Error::Renderer`] for what the device says.
+fn device_failed(error: GpuError) -> Error {
+    failed(format!("{error}, or use --renderer cpu"))
 }
 
 /// Draws on a graphics adapter; keeps meshes and textures there between frames.
@@ -79,7 +83,7 @@ impl WgpuRenderer {
     /// # Errors
     /// When there is no adapter, or none that will do.
     pub fn new() -> Result<Self> {
-        let gpu = Gpu::open()?;
+        let gpu = Gpu::open().map_err(device_failed)?;
         let shadow_map_size = if gpu.software { SMALL_SHADOW_MAP_SIZE } else { SHADOW_MAP_SIZE };
         let pipelines = Pipelines::new(&gpu.device);
         let cache = Cache::new(&gpu, &pipelines.texture_group);
@@ -105,7 +109,7 @@ impl WgpuRenderer {
             pipelines,
             gpu,
         };
-        renderer.gpu.check()?;
+        renderer.gpu.check().map_err(device_failed)?;
         log::info!("renderer wgpu on {}", renderer.adapter_info());
         Ok(renderer)
     }
@@ -382,7 +386,7 @@ impl Renderer for WgpuRenderer {
                 "an image of {width}x{height} is larger than this adapter can draw ({largest}); use --renderer cpu"
             )));
         }
-        self.gpu.check()?;
+        self.gpu.check().map_err(device_failed)?;
         // Gone if anything fails: then nobody knows what the images show.
         let last = self.shown.take();
         let camera_from_world = *world_from_camera.inverse().iso();

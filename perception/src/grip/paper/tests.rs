@@ -238,3 +238,23 @@ fn the_tile_and_the_frame_count_the_same_pixels() {
     let drawn = raster.tile.values().iter().filter(|&&w| w > 0.0).count();
     assert!((225..=256).contains(&drawn), "{drawn}");
 }
+
+#[test]
+fn hypotheses_are_weighed_without_allocation() {
+    let frame = frame(|u, v| if u > 24 && v > 16 { 0.8 } else { 1.2 });
+    let settings = PaperSettings::default();
+    let prepared = Prepared::new(&settings, &frame);
+    let plate = plate();
+    let boxes = [Detection { bbox: [0.0, 0.0, 63.0, 47.0], confidence: 1.0 }];
+    let likelihood = prepared.likelihood(&plate, &boxes);
+    let mut scratch = Scratch::default();
+    let mut weigh_all = || {
+        for i in 0..50 {
+            let x = 0.0005 * i as f32;
+            std::hint::black_box(likelihood.weigh(&mut scratch, &Isometry3::translation(x, 0.0, 0.8), 0));
+        }
+    };
+    // The first time makes room.
+    weigh_all();
+    assert_eq!(crate::allocations::allocations(weigh_all), 0);
+}

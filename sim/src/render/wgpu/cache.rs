@@ -15,8 +15,8 @@ use wgpu::{
     TextureFormat, TextureUsages, TextureViewDescriptor,
 };
 
-use super::device::Gpu;
 use crate::error::Result;
+use crate::gpu::Gpu;
 use crate::mesh::Mesh;
 use crate::render::check::check_mesh;
 use crate::render::pyramid::{MAX_ANISOTROPY, Pyramid};

@@ -6,12 +6,12 @@ use wgpu::{
     TextureFormat, TextureUsages, TextureView, TextureViewDescriptor, TextureViewDimension,
 };
 
-use super::device::Gpu;
-use super::failed;
 use super::pipelines::{
     ALBEDO, COLOR, COS, DEPTH, DEPTH_BUFFER, NORMAL, PREPARED, Pipelines, SHADOW_DEPTH, SURFACE, bind,
 };
+use super::{device_failed, failed};
 use crate::error::Result;
+use crate::gpu::Gpu;
 
 /// Rows in a copy start at multiples of this many bytes (`COPY_BYTES_PER_ROW_ALIGNMENT`).
 const ROW_ALIGNMENT: usize = 256;
@@ -142,7 +142,7 @@ impl Targets {
         slice.map_async(MapMode::Read, |_| {});
         let unreadable = |what: String| failed(format!("the picture cannot be read back: {what}"));
         gpu.device.poll(PollType::wait_indefinitely()).map_err(|error| unreadable(error.to_string()))?;
-        gpu.check()?;
+        gpu.check().map_err(device_failed)?;
         let view = slice.get_mapped_range().map_err(|error| unreadable(error.to_string()))?;
         for v in 0..self.height {
             read(std::array::from_fn(|i| {

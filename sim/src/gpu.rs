@@ -1,4 +1,4 @@
-//! Finding an adapter and opening it, without a window.
+//! Finding a graphics adapter and opening it, without a window: for drawing and for computing.
 
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -7,13 +7,19 @@ use wgpu::{
     InstanceFlags, Limits, Queue,
 };
 
-use super::failed;
-use crate::error::Result;
+/// What an adapter could not do, and what to try. The caller adds how to do without one.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("{0}")]
+pub struct GpuError(String);
 
-/// An open graphics device.
-pub(super) struct Gpu {
+/// An open graphics device, with no more than the least limits and features (`Limits::downlevel_defaults`).
+#[derive(Debug)]
+pub struct Gpu {
+    /// The device.
     pub device: Device,
+    /// Its one queue.
     pub queue: Queue,
+    /// What it was asked for.
     pub limits: Limits,
     /// Whether the adapter is a program and not a device.
     pub software: bool,
@@ -25,9 +31,29 @@ pub(super) struct Gpu {
 
 impl Gpu {
     /// Opens the best adapter: a discrete GPU before an integrated one before a software one.
-    pub fn open() -> Result<Self> {
+    ///
+    /// # Errors
+    /// When there is no adapter, or none that will do.
+    pub fn open() -> Result<Self, GpuError> {
+        Self::open_where("graphics adapter", |_| true).map_err(|found| {
+            GpuError(format!(
+                "{found}; install a Vulkan driver (software is enough: mesa-vulkan-drivers on Debian and Ubuntu)"
+            ))
+        })
+    }
+
+    /// Opens the best adapter that is a device and not a program.
+    ///
+    /// # Errors
+    /// When there is none, or none that will do.
+    pub fn open_hardware() -> Result<Self, GpuError> {
+        Self::open_where("graphics adapter but software", |kind| kind != DeviceType::Cpu).map_err(GpuError)
+    }
+
+    fn open_where(what: &str, wanted: impl Fn(DeviceType) -> bool) -> Result<Self, String> {
         let instance = windowless_instance();
         let mut adapters = pollster::block_on(instance.enumerate_adapters(Backends::PRIMARY));
+        adapters.retain(|adapter| wanted(adapter.get_info().device_type));
         adapters.sort_by_key(|adapter| preference(adapter.get_info().device_type));
         let mut refusals = Vec::new();
         for adapter in adapters {
@@ -36,17 +62,14 @@ impl Gpu {
                 Err(refusal) => refusals.push(format!("{}: {refusal}", adapter.get_info().name)),
             }
         }
-        let found = if refusals.is_empty() {
-            "no graphics adapter found".to_owned()
+        Err(if refusals.is_empty() {
+            format!("no {what} found")
         } else {
-            format!("no usable graphics adapter ({})", refusals.join("; "))
-        };
-        Err(failed(format!(
-            "{found}; install a Vulkan driver (software is enough: mesa-vulkan-drivers on Debian and Ubuntu), or use --renderer cpu"
-        )))
+            format!("no usable {what} ({})", refusals.join("; "))
+        })
     }
 
-    fn open_adapter(adapter: &Adapter) -> std::result::Result<Self, String> {
+    fn open_adapter(adapter: &Adapter) -> Result<Self, String> {
         // Little is asked for, so that old devices will do: one more image than the least is drawn at a time.
         let limits = Limits { max_color_attachments: 5, ..Limits::downlevel_defaults() }
             .using_resolution(adapter.limits());
@@ -80,11 +103,14 @@ impl Gpu {
     }
 
     /// An error if the device has reported one since it was opened.
-    pub fn check(&self) -> Result<()> {
+    ///
+    /// # Errors
+    /// What it reported first: later ones follow from it.
+    pub fn check(&self) -> Result<(), GpuError> {
         let fault = self.fault.lock().unwrap_or_else(PoisonError::into_inner);
-        fault.as_ref().map_or(Ok(()), |message| {
-            Err(failed(format!("{message}; the driver may be at fault, try --renderer cpu")))
-        })
+        fault
+            .as_ref()
+            .map_or(Ok(()), |message| Err(GpuError(format!("{message}; the driver may be at fault"))))
     }
 }
 
