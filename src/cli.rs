@@ -29,6 +29,8 @@ pub enum Command {
     Estimate(EstimateArgs),
     /// Measure the errors of a results file against the truth of its data set.
     Eval(EvalArgs),
+    /// Draw how searches converge: error of the best pose against iterations and time.
+    Convergence(ConvergenceArgs),
     /// List the objects and the set that is in use.
     Objects(ObjectsArgs),
     /// Show the robot: what was loaded, joints, limits.
@@ -229,17 +231,79 @@ pub enum EstimatorChoice {
 pub struct EvalArgs {
     /// Folder of the data set, in BOP's format.
     pub dataset: PathBuf,
-    /// Pose estimates, a CSV file as the BOP challenge has it.
-    pub results: PathBuf,
+    /// Pose estimates, CSV files as the BOP challenge has them.
+    #[arg(required = true)]
+    pub results: Vec<PathBuf>,
     /// Split, such as test or train_pbr [default: test, else the first there is].
     #[arg(long)]
     pub split: Option<String>,
-    /// Also write the errors of every instance to this CSV file.
+    /// Also write the errors of every instance to this CSV file; for one results file.
     #[arg(long, value_name = "FILE")]
     pub errors: Option<PathBuf>,
+    /// Also draw the share of instances under a threshold against the threshold, 0 to 4 cm, a curve a results file; SVG.
+    #[arg(long, value_name = "FILE")]
+    pub figure: Option<PathBuf>,
+    /// Print the table of the GRIP paper instead: its objects, views and metrics, beside its own figures.
+    #[arg(long)]
+    pub paper: bool,
     /// Print the figures as JSON.
     #[arg(long)]
     pub json: bool,
+}
+
+/// `grip convergence`.
+#[derive(Debug, Args)]
+pub struct ConvergenceArgs {
+    /// Folder of the data set, in BOP's format.
+    pub dataset: PathBuf,
+    /// Split, such as test or train_pbr [default: test, else the first there is].
+    #[arg(long)]
+    pub split: Option<String>,
+    /// Number of the scene.
+    #[arg(long, value_name = "S")]
+    pub scene: u32,
+    /// Number of the image.
+    #[arg(long, value_name = "I")]
+    pub image: u32,
+    /// Numbers of objects, separated by commas [default: all in the image].
+    #[arg(long, value_name = "LIST", value_delimiter = ',')]
+    pub object: Vec<u32>,
+    /// Who searches: grip, paper or paper-guarded, with a JSON file of settings that are not to be its defaults where there
+    /// is one (paper=fewer.json); may be given more than once.
+    #[arg(long, value_name = "NAME[=FILE]", default_values = ["grip", "paper-guarded", "paper"])]
+    pub estimator: Vec<SearchChoice>,
+    /// Searches of each object, with the seeds 1 to N.
+    #[arg(long, value_name = "N", default_value_t = 3, value_parser = clap::value_parser!(u64).range(1..=1000))]
+    pub seeds: u64,
+    /// Where to look for objects, as for `grip estimate`.
+    #[arg(long, default_value = "jittered", value_name = "gt|jittered|clusters|none|FILE")]
+    pub boxes: String,
+    /// The figure, SVG; an older one is replaced.
+    #[arg(long, value_name = "FILE", default_value = "convergence.svg")]
+    pub out: PathBuf,
+    /// Print every search as JSON.
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// An estimator, and the file of its settings.
+#[derive(Debug, Clone)]
+pub struct SearchChoice {
+    /// Who.
+    pub estimator: EstimatorChoice,
+    /// Changes of its settings.
+    pub settings: Option<PathBuf>,
+}
+
+impl std::str::FromStr for SearchChoice {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let (name, file) = text.split_once('=').map_or((text, None), |(name, file)| (name, Some(file)));
+        let estimator = EstimatorChoice::from_str(name, false)
+            .map_err(|_| "must be grip, paper or paper-guarded, or one of these with =FILE".to_owned())?;
+        Ok(Self { estimator, settings: file.map(PathBuf::from) })
+    }
 }
 
 /// `grip objects`.

@@ -10,6 +10,7 @@ mod dataset;
 mod outcome;
 mod output;
 mod pictures;
+mod plot;
 mod port;
 mod report;
 mod run_dir;

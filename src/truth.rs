@@ -34,6 +34,7 @@ pub fn posteriors(world: &World, frame: &CameraFrame, which: &[usize]) -> Vec<Po
                 hypotheses: 0,
                 seconds: 0.0,
                 colour: None,
+                trace: Vec::new(),
             }
         })
         .collect()

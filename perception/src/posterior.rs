@@ -58,11 +58,26 @@ pub struct PosePosterior {
     pub restarts: usize,
     /// Hypotheses rendered and weighed.
     pub hypotheses: usize,
-    /// Wall time, seconds. The only field that differs between equal calls.
+    /// Wall time, seconds. With those of the trace the only thing that differs between equal calls.
     pub seconds: f64,
     /// What colour said where depth could not decide. None where it was not asked (see
     /// [`crate::GripSettings::colour`]) or had nothing to go by. A pose that colour chose is `best` and the first
     /// particle; weights are those of depth alone.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub colour: Option<ColourVerdict>,
+    /// The answer after each iteration, where the settings ask for a trace; else empty.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub trace: Vec<TracePoint>,
+}
+
+/// What a search would have answered after one of its iterations.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct TracePoint {
+    /// Hypotheses rendered and weighed by then.
+    pub hypotheses: usize,
+    /// Wall time since the object's search began, seconds; what is prepared once a frame is not in it.
+    pub seconds: f64,
+    /// The best pose by then.
+    pub best: Pose<Camera, Object>,
 }

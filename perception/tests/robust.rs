@@ -1,5 +1,6 @@
 //! Whatever the frame holds: an error that says what is wrong, or an object that is not there; never a panic, never a
 //! number that is none.
+#![allow(clippy::unwrap_used, reason = "tests")]
 
 mod common;
 

@@ -6,8 +6,8 @@ mod common;
 use std::sync::Arc;
 
 use grip_perception::{
-    Clusters, Detection, Detections, Detector, Error, GripEstimator, GripSettings, PoseEstimator,
-    PosePosterior, WholeImage,
+    Clusters, Detection, Detections, Detector, Error, GripEstimator, GripSettings, PaperEstimator,
+    PaperSettings, PoseEstimator, PosePosterior, WholeImage,
 };
 use grip_sim::objects::ObjectModel;
 use grip_sim::rng;
@@ -97,6 +97,38 @@ fn two_of_a_kind_are_two_places() {
     for (_, truth) in &scene.placed {
         let nearest = found.iter().map(|p| common::adds(&can, truth, &p.best)).fold(f64::MAX, f64::min);
         assert!(nearest < 0.005, "nearest estimate {nearest}");
+    }
+}
+
+#[test]
+fn a_trace_ends_at_the_answer_and_changes_nothing() {
+    // Two of a kind: one of them may be searched a second time.
+    let can = common::can_object("soup can", 0.034, 0.102);
+    let scene = common::scene(&[can.clone(), can.clone()], 0.05, &mut rng::stream(4, "synthetic"));
+    let asked = [can.clone(), can];
+    let detections = Clusters::default().detect(&scene.frame, &asked).unwrap();
+    let ours = |trace| GripEstimator::new(GripSettings { trace, ..GripSettings::default() }).unwrap();
+    let short = PaperSettings { samples: 50, iterations: 7, ..PaperSettings::default() };
+    let paper = |trace| PaperEstimator::new(PaperSettings { trace, ..short.clone() }).unwrap();
+    let pairs: [[Box<dyn PoseEstimator>; 2]; 2] =
+        [[Box::new(ours(false)), Box::new(ours(true))], [Box::new(paper(false)), Box::new(paper(true))]];
+    for [without, with] in pairs {
+        let run =
+            |estimator: &dyn PoseEstimator| estimator.estimate(&scene.frame, &detections, &asked, 1).unwrap();
+        for (plain, traced) in run(&*without).into_iter().zip(run(&*with)) {
+            assert!(plain.trace.is_empty());
+            assert!(!serde_json::to_string(&plain).unwrap().contains("trace"));
+            let points = &traced.trace;
+            let last = points.last().unwrap();
+            assert_eq!((last.best, last.hypotheses), (traced.best, traced.hypotheses));
+            assert!(points.is_sorted_by(|a, b| a.hypotheses < b.hypotheses && a.seconds <= b.seconds));
+            assert!(last.seconds <= traced.seconds);
+            if without.name() == "paper" {
+                assert_eq!(points.len(), 7);
+            }
+            let bare = PosePosterior { trace: vec![], seconds: plain.seconds, ..traced.clone() };
+            assert_eq!(bare, plain);
+        }
     }
 }
 

@@ -10,7 +10,7 @@ use std::time::Instant;
 use anyhow::{Context, Result};
 use grip_perception::PoseEstimator;
 use grip_sim::bop::results::{Estimate, HEADER, read_results};
-use grip_sim::bop::{self, Dataset, Target};
+use grip_sim::bop::{self, BopFrame, Dataset, Target};
 use grip_sim::frame::CameraFrame;
 use grip_sim::objects::ObjectModel;
 use grip_sim::pose::Pose;
@@ -133,17 +133,12 @@ impl Run<'_> {
         models: &HashMap<u32, Arc<ObjectModel>>,
     ) -> Result<Vec<Estimate>> {
         let bop = self.dataset.frame(scene_id, im_id)?;
-        let frame = CameraFrame {
-            rgb: bop.rgb.clone(),
-            depth: bop.depth.clone(),
-            intrinsics: bop.intrinsics,
-            world_from_camera: bop.world_from_camera.unwrap_or_else(Pose::identity),
-        };
+        let frame = camera_frame(&bop);
         let objects: Vec<Arc<ObjectModel>> = wanted
             .iter()
             .flat_map(|(id, count)| std::iter::repeat_n(models[id].clone(), *count as usize))
             .collect();
-        let seed: u64 = rng::stream(self.seed, &format!("estimate/{scene_id}/{im_id}")).random();
+        let seed = image_seed(self.seed, (scene_id, im_id));
         let began = Instant::now();
         let detections = self.boxes.of(&bop, &frame, &objects, seed)?;
         let beliefs = self.estimator.estimate(&frame, &detections, &objects, seed)?;
@@ -193,6 +188,21 @@ impl Run<'_> {
         std::fs::write(partial, text).with_context(|| cannot_write(partial))?;
         OpenOptions::new().append(true).open(partial).with_context(|| cannot_write(partial))
     }
+}
+
+/// What an estimator gets to see of an image.
+pub(super) fn camera_frame(bop: &BopFrame) -> CameraFrame {
+    CameraFrame {
+        rgb: bop.rgb.clone(),
+        depth: bop.depth.clone(),
+        intrinsics: bop.intrinsics,
+        world_from_camera: bop.world_from_camera.unwrap_or_else(Pose::identity),
+    }
+}
+
+/// The seed of an image in a run with `seed`.
+pub(super) fn image_seed(seed: u64, (scene_id, im_id): (u32, u32)) -> u64 {
+    rng::stream(seed, &format!("estimate/{scene_id}/{im_id}")).random()
 }
 
 /// More instances of one object in one image than in any data set there is.

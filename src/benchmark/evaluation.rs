@@ -28,13 +28,13 @@ const RESAMPLES: usize = 1000;
 /// One instance that was asked for.
 #[derive(Debug, Clone, Copy)]
 pub struct Case {
-    scene_id: u32,
-    im_id: u32,
-    obj_id: u32,
+    pub(super) scene_id: u32,
+    pub(super) im_id: u32,
+    pub(super) obj_id: u32,
     /// Confidence of its estimate.
     pub(super) score: Option<f64>,
     /// Metres; infinite where there is no estimate.
-    add: f64,
+    pub(super) add: f64,
     pub(super) adds: f64,
     /// Whether the object has symmetries, so that ADD(-S) is ADD-S.
     symmetric: bool,
@@ -54,7 +54,7 @@ impl Case {
     }
 
     /// ADD-S for objects with symmetries, ADD for others.
-    fn add_or_adds(&self) -> f64 {
+    pub(super) fn add_or_adds(&self) -> f64 {
         if self.symmetric { self.adds } else { self.add }
     }
 }
@@ -98,6 +98,9 @@ pub struct Evaluation {
     /// Every instance.
     #[serde(skip)]
     pub cases: Vec<Case>,
+    /// Names of the views, by scene and image, as far as they have any.
+    #[serde(skip)]
+    pub views: HashMap<(u32, u32), String>,
 }
 
 /// Compares `estimates` with the truth of all that is asked for. Of more estimates of an object in an image than there are
@@ -196,6 +199,7 @@ pub fn evaluate(dataset: &Dataset, estimates: &[Estimate]) -> Result<Evaluation>
         ignored: estimates.len() - asked - presence.absent,
         presence,
         cases,
+        views: names,
     })
 }
 
@@ -220,26 +224,36 @@ fn figures(cases: &[Case]) -> Figures {
     }
 }
 
-/// 95 % percentile bootstrap of the area up to the first threshold. Scenes are drawn, not instances, because the errors in
-/// one scene depend on each other (four frames of ours show one layout). Images are drawn where scenes are too few.
+/// Interval of the area up to the first threshold.
 fn interval(cases: &[Case], error: impl Fn(&Case) -> f64) -> [f64; 2] {
+    bootstrap(cases, error, |drawn| auc(drawn, THRESHOLDS[0]))
+}
+
+/// 95 % percentile bootstrap of a statistic of what `value` takes from the cases. Scenes are drawn, not instances, because
+/// the errors in one scene depend on each other (four frames of ours show one layout). Images are drawn where scenes are
+/// too few.
+pub(super) fn bootstrap<T: Clone>(
+    cases: &[Case],
+    value: impl Fn(&Case) -> T,
+    statistic: impl Fn(&[T]) -> f64,
+) -> [f64; 2] {
     let scenes: BTreeSet<u32> = cases.iter().map(|case| case.scene_id).collect();
-    let mut groups: BTreeMap<(u32, u32), Vec<f64>> = BTreeMap::new();
+    let mut groups: BTreeMap<(u32, u32), Vec<T>> = BTreeMap::new();
     for case in cases {
         let image = if scenes.len() < FEWEST_SCENES { case.im_id } else { 0 };
-        groups.entry((case.scene_id, image)).or_default().push(error(case));
+        groups.entry((case.scene_id, image)).or_default().push(value(case));
     }
-    let groups: Vec<Vec<f64>> = groups.into_values().collect();
+    let groups: Vec<Vec<T>> = groups.into_values().collect();
     if groups.is_empty() {
         return [0.0; 2];
     }
     let mut random = rng::stream(0, "bootstrap");
     let mut areas: Vec<f64> = (0..RESAMPLES)
         .map(|_| {
-            let drawn: Vec<f64> = (0..groups.len())
+            let drawn: Vec<T> = (0..groups.len())
                 .flat_map(|_| groups[random.random_range(0..groups.len())].clone())
                 .collect();
-            auc(&drawn, THRESHOLDS[0])
+            statistic(&drawn)
         })
         .collect();
     areas.sort_by(f64::total_cmp);

@@ -1,5 +1,6 @@
 //! `grip estimate`: poses for every image of a data set.
 
+use std::path::Path;
 use std::time::Instant;
 
 use anyhow::{Context, Result};
@@ -21,12 +22,7 @@ use crate::output;
 /// Writes the results file.
 pub fn run(args: &EstimateArgs) -> Result<Done> {
     let dataset = Dataset::open(&args.dataset, args.split.as_deref())?;
-    // Where up is in the world is known of our own sets alone: others leave the world's axes open.
-    let plane = if args.dataset.join("dataset.json").is_file() {
-        PlaneSettings::default()
-    } else {
-        PlaneSettings { max_tilt_rad: None, ..PlaneSettings::default() }
-    };
+    let plane = plane(&args.dataset);
     let clusters = Clusters::new(ClusterSettings { plane: plane.clone(), ..ClusterSettings::default() });
     let boxes = Boxes::open(&args.boxes, clusters)?;
     anyhow::ensure!(
@@ -38,7 +34,7 @@ pub fn run(args: &EstimateArgs) -> Result<Done> {
         _ => HypothesisRenderer::Cpu,
     };
     let hypotheses = renderer.to_string();
-    let (estimator, settings) = estimator(args, plane, renderer)?;
+    let (estimator, settings) = estimator(args.estimator, args.settings.as_deref(), plane, renderer, false)?;
     let described = json!({
         "dataset": args.dataset,
         "split": dataset.split(),
@@ -57,7 +53,7 @@ pub fn run(args: &EstimateArgs) -> Result<Done> {
         seed: args.seed,
         settings: described.to_string(),
     };
-    let progress = bar();
+    let progress = bar("images");
     let began = Instant::now();
     let threads = args.jobs.unwrap_or(0) as usize;
     let pool =
@@ -68,26 +64,39 @@ pub fn run(args: &EstimateArgs) -> Result<Done> {
     Ok(Done::Fully)
 }
 
-/// The estimator that was asked for, and its settings.
-fn estimator(
-    args: &EstimateArgs,
+/// How the support plane is found in the images of a data set.
+pub(super) fn plane(dataset: &Path) -> PlaneSettings {
+    // Where up is in the world is known of our own sets alone: others leave the world's axes open.
+    if dataset.join("dataset.json").is_file() {
+        PlaneSettings::default()
+    } else {
+        PlaneSettings { max_tilt_rad: None, ..PlaneSettings::default() }
+    }
+}
+
+/// The estimator that was asked for, with the changes of a settings file, and its settings.
+pub(super) fn estimator(
+    choice: EstimatorChoice,
+    changes: Option<&Path>,
     plane: PlaneSettings,
     renderer: HypothesisRenderer,
+    trace: bool,
 ) -> Result<(Box<dyn PoseEstimator>, Value)> {
-    match args.estimator {
+    match choice {
         EstimatorChoice::Grip => {
-            let settings = changed(GripSettings { plane: Some(plane), ..GripSettings::default() }, args)?;
+            let settings =
+                changed(GripSettings { plane: Some(plane), trace, ..GripSettings::default() }, changes)?;
             let shown = json!(&settings);
             Ok((Box::new(GripEstimator::new(settings)?.with_renderer(renderer)), shown))
         }
         EstimatorChoice::Paper | EstimatorChoice::PaperGuarded => {
-            let settings = match args.estimator {
+            let settings = match choice {
                 EstimatorChoice::PaperGuarded => {
                     PaperSettings { plane: Some(plane), ..PaperSettings::guarded() }
                 }
                 _ => PaperSettings::default(),
             };
-            let settings = changed(settings, args)?;
+            let settings = changed(PaperSettings { trace, ..settings }, changes)?;
             let shown = json!(&settings);
             Ok((Box::new(PaperEstimator::new(settings)?), shown))
         }
@@ -95,8 +104,8 @@ fn estimator(
 }
 
 /// `settings` with those fields that the file of `--settings` has.
-fn changed<T: Serialize + DeserializeOwned>(settings: T, args: &EstimateArgs) -> Result<T> {
-    let Some(path) = &args.settings else { return Ok(settings) };
+fn changed<T: Serialize + DeserializeOwned>(settings: T, changes: Option<&Path>) -> Result<T> {
+    let Some(path) = changes else { return Ok(settings) };
     let text = std::fs::read_to_string(path).with_context(|| format!("--settings {}", path.display()))?;
     let wrong = || format!("--settings {}: not settings of this estimator", path.display());
     let changes: serde_json::Map<String, Value> = serde_json::from_str(&text).with_context(wrong)?;
@@ -139,7 +148,10 @@ fn report(args: &EstimateArgs, settings: &Value, estimated: &Estimated, wall_s: 
     ))
 }
 
-fn bar() -> ProgressBar {
-    let style = ProgressStyle::with_template("{bar:32} {pos}/{len} images, {per_sec}, {eta} left");
+/// The progress of so many of these.
+pub(super) fn bar(what: &str) -> ProgressBar {
+    let style = ProgressStyle::with_template(&format!(
+        "{{bar:32}} {{pos}}/{{len}} {what}, {{per_sec}}, {{eta}} left"
+    ));
     ProgressBar::new(0).with_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()))
 }

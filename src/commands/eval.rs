@@ -1,45 +1,115 @@
-//! `grip eval`: errors of a results file, anyone's, against the truth of its data set.
+//! `grip eval`: errors of results files, anyone's, against the truth of their data set.
+
+use std::path::Path;
 
 use anyhow::Result;
 use grip_sim::bop::results::read_results;
 use grip_sim::bop::{self, Dataset};
-use serde_json::json;
+use serde_json::{Value, json};
 
 use super::Done;
-use crate::benchmark::{Case, Figures, Presence, evaluate};
+use crate::benchmark::{
+    Area, Case, Evaluation, Figures, METHODS, PaperTable, Presence, accuracy_figure, evaluate,
+};
 use crate::cli::EvalArgs;
-use crate::output;
+use crate::{output, plot};
 
 /// Prints the figures.
 pub fn run(args: &EvalArgs) -> Result<Done> {
-    let dataset = Dataset::open(&args.dataset, args.split.as_deref())?;
-    let evaluation = evaluate(&dataset, &read_results(&args.results)?)?;
-    if let Some(path) = &args.errors {
-        let mut text = format!("{}\n", Case::HEADER);
-        text.extend(evaluation.cases.iter().map(Case::line));
-        bop::write_atomic(path, text.as_bytes())?;
+    let many = args.results.len() > 1;
+    anyhow::ensure!(
+        !(many && args.errors.is_some()),
+        "--errors {}: is for one results file; run grip eval for each",
+        args.errors.as_deref().unwrap_or(Path::new("")).display()
+    );
+    if let Some(path) = &args.figure {
+        plot::check_place(path)?;
+        let (count, most) = (args.results.len(), plot::MOST_CURVES);
+        anyhow::ensure!(count <= most, "--figure: has colours for {most} results files, not for {count}");
     }
-    if evaluation.ignored > 0 {
-        output::message(format_args!(
-            "{} estimates are of images or objects that the data set does not ask for; they do not count",
-            evaluation.ignored
-        ));
+    let dataset = Dataset::open(&args.dataset, args.split.as_deref())?;
+    let mut evaluations = Vec::new();
+    let mut summaries = Vec::new();
+    for results in &args.results {
+        let evaluation = evaluate(&dataset, &read_results(results)?)?;
+        let paper = if args.paper { Some(PaperTable::new(&evaluation, dataset.root())?) } else { None };
+        if let Some(path) = &args.errors {
+            let mut text = format!("{}\n", Case::HEADER);
+            text.extend(evaluation.cases.iter().map(Case::line));
+            bop::write_atomic(path, text.as_bytes())?;
+        }
+        if evaluation.ignored > 0 {
+            output::message(format_args!(
+                "{}{} estimates are of images or objects that the data set does not ask for; they do not count",
+                if many { format!("{}: ", results.display()) } else { String::new() },
+                evaluation.ignored
+            ));
+        }
+        if args.json {
+            summaries.push(summary(args, &dataset, results, &evaluation, paper.as_ref())?);
+        } else {
+            if many {
+                output::data(format_args!("{}", results.display()))?;
+            }
+            print(&evaluation, paper.as_ref())?;
+        }
+        evaluations.push(evaluation);
     }
     if args.json {
-        let json = json!({
-            "schema": "grip.eval/1",
-            "dataset": args.dataset,
-            "split": dataset.split(),
-            "results": args.results,
-            "thresholds_m": crate::benchmark::THRESHOLDS,
-            "ignored": evaluation.ignored,
-            "all": evaluation.all,
-            "objects": evaluation.objects,
-            "conditions": evaluation.conditions,
-            "presence": evaluation.presence,
-        });
+        let json = if many { Value::Array(summaries) } else { summaries.remove(0) };
         output::data(format_args!("{}", serde_json::to_string_pretty(&json)?))?;
-        return Ok(Done::Fully);
+    }
+    if let Some(path) = &args.figure {
+        let curves: Vec<(String, &[Case])> =
+            names(args).into_iter().zip(&evaluations).map(|(n, e)| (n, e.cases.as_slice())).collect();
+        let folder = args.dataset.file_name().unwrap_or(args.dataset.as_os_str()).to_string_lossy();
+        plot::write(&accuracy_figure(&folder, &curves), path)?;
+    }
+    Ok(Done::Fully)
+}
+
+/// Names of the curves: those of the files, with their folders where these are not enough.
+fn names(args: &EvalArgs) -> Vec<String> {
+    let stems: Vec<String> = args
+        .results
+        .iter()
+        .map(|path| path.file_stem().unwrap_or(path.as_os_str()).to_string_lossy().into_owned())
+        .collect();
+    let whole = |(path, stem): (&std::path::PathBuf, &String)| {
+        let alone = stems.iter().filter(|other| *other == stem).count() == 1;
+        if alone { stem.clone() } else { path.display().to_string() }
+    };
+    args.results.iter().zip(&stems).map(whole).collect()
+}
+
+fn summary(
+    args: &EvalArgs,
+    dataset: &Dataset,
+    results: &Path,
+    evaluation: &Evaluation,
+    paper: Option<&PaperTable>,
+) -> Result<Value> {
+    let mut json = json!({
+        "schema": "grip.eval/1",
+        "dataset": args.dataset,
+        "split": dataset.split(),
+        "results": results,
+        "thresholds_m": crate::benchmark::THRESHOLDS,
+        "ignored": evaluation.ignored,
+        "all": evaluation.all,
+        "objects": evaluation.objects,
+        "conditions": evaluation.conditions,
+        "presence": evaluation.presence,
+    });
+    if let Some(paper) = paper {
+        json["paper"] = serde_json::to_value(paper)?;
+    }
+    Ok(json)
+}
+
+fn print(evaluation: &Evaluation, paper: Option<&PaperTable>) -> Result<()> {
+    if let Some(paper) = paper {
+        return print_paper(paper);
     }
     let header = [
         "",
@@ -61,8 +131,7 @@ pub fn run(args: &EvalArgs) -> Result<Done> {
         .chain(evaluation.conditions.iter().map(|(name, figures)| row(&format!("view {name}"), figures)))
         .chain([row("all", &evaluation.all)]);
     output::data(format_args!("{}", output::table(header, &[1, 2, 3, 4, 5, 6, 7, 8, 9, 10], rows)))?;
-    output::data(format_args!("{}", confidences(&evaluation.presence)))?;
-    Ok(Done::Fully)
+    output::data(format_args!("{}", confidences(&evaluation.presence)))
 }
 
 /// What the confidences are worth, in a line or two.
@@ -86,8 +155,6 @@ fn confidences(p: &Presence) -> String {
 }
 
 fn row(name: &str, f: &Figures) -> [String; 11] {
-    let percent = |share: f64| format!("{:.1}", 100.0 * share);
-    let interval = |[low, high]: [f64; 2]| format!("{}-{}", percent(low), percent(high));
     [
         name.to_owned(),
         f.instances.to_string(),
@@ -101,4 +168,35 @@ fn row(name: &str, f: &Figures) -> [String; 11] {
         percent(f.found),
         f.median_adds_m.map_or_else(|| "-".to_owned(), |m| format!("{:.1}", 1e3 * m)),
     ]
+}
+
+fn percent(share: f64) -> String {
+    format!("{:.1}", 100.0 * share)
+}
+
+fn interval([low, high]: [f64; 2]) -> String {
+    format!("{}-{}", percent(low), percent(high))
+}
+
+fn print_paper(table: &PaperTable) -> Result<()> {
+    let [dope, posecnn, grip] = METHODS.map(|method| format!("{method}, paper"));
+    for group in &table.groups {
+        let title = format!("{} ({})", group.name, group.views.join(", "));
+        let header = [&title, "metric", "instances", "AUC 4 cm", "95 %", &grip, &posecnn, &dope];
+        let row = |name: &str, metric: &str, area: &Area| {
+            let shown = |share: Option<f64>| share.map_or_else(|| "-".to_owned(), percent);
+            let [dope, posecnn, grip] = area.published.map(shown);
+            let range = area.interval.map_or_else(|| "-".to_owned(), interval);
+            let instances = area.instances.to_string();
+            [name.to_owned(), metric.to_owned(), instances, shown(area.auc), range, grip, posecnn, dope]
+        };
+        let overall = format!("overall: {} of {} objects", group.overall.objects, group.objects.len());
+        let rows = group.objects.iter().map(|r| row(r.object, r.metric, &r.area));
+        let rows = rows.chain([row(&overall, "", &group.overall.area)]);
+        output::data(format_args!("{}\n", output::table(header, &[2, 3, 4, 5, 6, 7], rows)))?;
+    }
+    output::data(format_args!(
+        "Per cent. Columns marked paper: {}, on its own 40 scenes; their overall is over the same objects.",
+        table.source
+    ))
 }

@@ -1,5 +1,6 @@
 //! The verbs, a file each.
 
+mod convergence;
 mod estimate;
 mod eval;
 mod objects;
@@ -39,6 +40,7 @@ pub fn run(cli: Cli) -> anyhow::Result<Done> {
         Command::Scenes(args) => scenes::run(&args),
         Command::Estimate(args) => estimate::run(&args),
         Command::Eval(args) => eval::run(&args),
+        Command::Convergence(args) => convergence::run(&args),
         Command::Objects(args) => objects::run(&args),
         Command::Robot(args) => robot::run(&args),
     }

@@ -69,6 +69,7 @@ fn nothing(model: &Model, seconds: f64) -> PosePosterior {
         hypotheses: 0,
         seconds,
         colour: None,
+        trace: Vec::new(),
     }
 }
 
@@ -101,6 +102,7 @@ pub(super) fn belief(
         hypotheses: found.hypotheses,
         seconds,
         colour: None,
+        trace: found.trace,
     }
 }
 
@@ -193,7 +195,8 @@ fn weights(population: &[Hypothesis], temperature: f64) -> Vec<f64> {
     raw.iter().map(|w| w / sum).collect()
 }
 
-fn typed<From, To>(pose: &Isometry3<f32>) -> Pose<From, To> {
+/// In f64, between typed frames.
+pub(super) fn typed<From, To>(pose: &Isometry3<f32>) -> Pose<From, To> {
     let q = UnitQuaternion::from_quaternion(pose.rotation.into_inner().cast());
     Pose::new(Isometry3::from_parts(pose.translation.vector.cast::<f64>().into(), q))
 }
@@ -210,7 +213,15 @@ mod tests {
 
     fn found(population: Vec<Hypothesis>) -> Found {
         let best = population[0];
-        Found { best, population, others: Vec::new(), restarts: 1, agreeing: 1, hypotheses: 10 }
+        Found {
+            best,
+            population,
+            others: Vec::new(),
+            restarts: 1,
+            agreeing: 1,
+            hypotheses: 10,
+            trace: Vec::new(),
+        }
     }
 
     #[test]

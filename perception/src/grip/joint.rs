@@ -13,6 +13,7 @@ use serde::{Deserialize, Serialize};
 use super::model::Model;
 use super::search::{Found, Hypothesis, reach};
 use super::settings::GripSettings;
+use super::trace;
 use crate::error::{Error, Result};
 use crate::hypotheses::{Observation, Raster, render};
 
@@ -158,10 +159,12 @@ where
             if conflict && found.best.score > self.settings.hopeless_score {
                 let rest = self.observation.without(&taken);
                 let (second, seconds) = (self.search)(i, &rest)?;
-                let hypotheses = found.hypotheses;
+                let (hypotheses, trace) = (found.hypotheses, found.trace.clone());
+                let before = (hypotheses, results[i].1);
                 results[i].1 += seconds;
                 if let Some(mut second) = second {
                     second.hypotheses += hypotheses;
+                    second.trace = trace::replaced(trace, before, second.trace);
                     mine = explained(&self.models[i], &second.best.pose, &rest);
                     results[i].0 = Some(second);
                 }

@@ -19,6 +19,7 @@ mod score;
 mod search;
 mod settings;
 mod solid;
+mod trace;
 
 use std::collections::BTreeMap;
 use std::sync::Arc;

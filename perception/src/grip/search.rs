@@ -12,9 +12,11 @@ use super::propose::{BoxPrior, propose, small_rotation};
 use super::resample::{gumbel_top, systematic, temperature};
 use super::score::{Parts, parts};
 use super::settings::{GripSettings, SearchLevel};
+use super::trace::Trace;
 use crate::detector::iou;
 use crate::error::Result;
 use crate::hypotheses::{Batch, Extent, FlatPlane, Hypotheses, Observation, Rendered};
+use crate::posterior::TracePoint;
 
 /// Directions in which two hulls are compared.
 const HULL_CHECKS: usize = 64;
@@ -44,6 +46,8 @@ pub(crate) struct Found {
     /// Restarts that ended at the best one's place, itself included.
     pub agreeing: usize,
     pub hypotheses: usize,
+    /// The answer after each iteration of each level and restart, after each polish and after the twins.
+    pub trace: Vec<TracePoint>,
 }
 
 /// Everything that weighing a hypothesis needs.
@@ -55,6 +59,7 @@ pub(crate) struct Search<'a> {
     settings: &'a GripSettings,
     renderer: &'a mut dyn Hypotheses,
     rendered: usize,
+    trace: Trace,
     /// Pixels across the object, about.
     side_px: f32,
 }
@@ -73,7 +78,17 @@ impl<'a> Search<'a> {
         depths.sort_by(f32::total_cmp);
         let depth = depths.get(depths.len() / 2).copied().unwrap_or(1.0);
         let side_px = 2.0 * model.radius * observation.intrinsics.fx as f32 / depth;
-        Self { model, observation, boxes, plane, settings, renderer, rendered: 0, side_px }
+        Self {
+            model,
+            observation,
+            boxes,
+            plane,
+            settings,
+            renderer,
+            rendered: 0,
+            trace: Trace::new(settings.trace),
+            side_px,
+        }
     }
 
     /// The stride of a level for this object.
@@ -99,6 +114,9 @@ impl<'a> Search<'a> {
             let agreed = best.is_some_and(|b| self.same(&end, &b));
             if best.is_none_or(|b| end.score > b.score) {
                 best = Some(end);
+                self.trace.answer(self.rendered, &end.pose);
+            } else {
+                self.trace.iteration(self.rendered, None);
             }
             ends.push(end);
             let hopeless = ends.len() >= HOPELESS_RESTARTS
@@ -110,7 +128,11 @@ impl<'a> Search<'a> {
         let Some(found) = best else { return Ok(None) };
         let agreeing = ends.iter().filter(|e| self.same(e, &found)).count();
         let best = self.best_of_twins(found, &mut population)?;
+        if self.settings.twins {
+            self.trace.answer(self.rendered, &best.pose);
+        }
         population.sort_by(|a, b| b.score.total_cmp(&a.score));
+        let trace = self.trace.take();
         Ok(Some(Found {
             best,
             population,
@@ -118,6 +140,7 @@ impl<'a> Search<'a> {
             restarts: ends.len(),
             agreeing,
             hypotheses: self.rendered,
+            trace,
         }))
     }
 
@@ -149,6 +172,7 @@ impl<'a> Search<'a> {
                     population = diffuse(&population, level, iteration - 1, ess, rng);
                 }
                 self.advance(&mut population, level)?;
+                self.trace.iteration(self.rendered, population.first().map(|h| &h.pose));
             }
         }
         population.truncate(settings.finalists);

@@ -122,6 +122,8 @@ pub struct GripSettings {
     pub plane: Option<PlaneSettings>,
     /// Only points in here can be an object's, in the world frame; `None` for everywhere.
     pub workspace: Option<Workspace>,
+    /// Whether [`PosePosterior::trace`](crate::PosePosterior::trace) is kept.
+    pub trace: bool,
 }
 
 impl Default for GripSettings {
@@ -181,6 +183,7 @@ impl Default for GripSettings {
             colour: Some(ColourSettings::default()),
             plane: Some(PlaneSettings::default()),
             workspace: None,
+            trace: false,
         }
     }
 }

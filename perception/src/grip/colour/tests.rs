@@ -208,6 +208,7 @@ fn decided(
         restarts: 1,
         agreeing: 1,
         hypotheses: 1,
+        trace: Vec::new(),
     };
     let picture = Picture::new(frame).unwrap();
     let verdict = decide(model, &mut found, &observation, &picture, &mut search, settings);

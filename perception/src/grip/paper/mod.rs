@@ -31,6 +31,7 @@ use super::model::{Model, ModelCache};
 use super::propose::{small_rotation, uniform_rotation};
 use super::search::{Found, Hypothesis};
 use super::settings::GripSettings;
+use super::trace::Trace;
 use super::{belief, stream};
 use crate::detector::{Detection, Detections, check_frame, sample_by};
 use crate::error::Result;
@@ -165,6 +166,7 @@ struct Sample {
 /// Iterated likelihood weighting; `None` when no box holds a reading.
 fn filter(likelihood: &Likelihood<'_>, frame: &CameraFrame, rng: &mut impl Rng) -> Option<Found> {
     let settings = likelihood.settings;
+    let mut trace = Trace::new(settings.trace);
     let spaces: Vec<Option<[f32; 2]>> = likelihood.boxes.iter().map(|b| depths(&b.bbox, frame)).collect();
     let confidence = |i: &usize| if spaces[*i].is_some() { likelihood.boxes[*i].confidence } else { 0.0 };
     let indices: Vec<usize> = (0..spaces.len()).collect();
@@ -186,6 +188,7 @@ fn filter(likelihood: &Likelihood<'_>, frame: &CameraFrame, rng: &mut impl Rng) 
         hypotheses += samples.len();
         // Best first; equal ones stay in order.
         samples.sort_by(|a, b| b.weight.total_cmp(&a.weight));
+        trace.iteration(hypotheses, samples.first().map(|best| &best.pose));
         if samples.first()?.weight >= settings.converged {
             break;
         }
@@ -199,6 +202,7 @@ fn filter(likelihood: &Likelihood<'_>, frame: &CameraFrame, rng: &mut impl Rng) 
         restarts: 1,
         agreeing: 1,
         hypotheses,
+        trace: trace.take(),
     })
 }
 

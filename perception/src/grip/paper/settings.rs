@@ -101,6 +101,8 @@ pub struct PaperSettings {
     pub centre: Centre,
     /// With a support plane, points on it are nobody's inliers; `null` for none.
     pub plane: Option<PlaneSettings>,
+    /// Whether [`PosePosterior::trace`](crate::PosePosterior::trace) is kept.
+    pub trace: bool,
 }
 
 impl Default for PaperSettings {
@@ -134,6 +136,7 @@ impl Default for PaperSettings {
             min_pixels: 0,
             centre: Centre::Anywhere,
             plane: None,
+            trace: false,
         }
     }
 }

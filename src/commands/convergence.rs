@@ -1,0 +1,121 @@
+//! `grip convergence`: how near the best pose is to the truth after each iteration.
+
+use anyhow::{Context, Result};
+use clap::ValueEnum;
+use grip_perception::{ClusterSettings, Clusters, HypothesisRenderer};
+use grip_sim::bop::Dataset;
+use serde_json::{Value, json};
+
+use super::Done;
+use super::estimate::{bar, estimator, plane};
+use crate::benchmark::{Boxes, Contender, Convergence, Searches};
+use crate::cli::{ConvergenceArgs, SearchChoice};
+use crate::{output, plot};
+
+/// Draws the figure.
+pub fn run(args: &ConvergenceArgs) -> Result<Done> {
+    plot::check_place(&args.out)?;
+    anyhow::ensure!(
+        args.estimator.len() <= plot::MOST_CURVES,
+        "--estimator: a figure has colours for {} of them",
+        plot::MOST_CURVES
+    );
+    let dataset = Dataset::open(&args.dataset, args.split.as_deref())?;
+    let plane = plane(&args.dataset);
+    let clusters = Clusters::new(ClusterSettings { plane: plane.clone(), ..ClusterSettings::default() });
+    let boxes = Boxes::open(&args.boxes, clusters)?;
+    let (mut contenders, mut settings) = (Vec::new(), Vec::new());
+    for choice in &args.estimator {
+        let file = choice.settings.as_deref();
+        let renderer = HypothesisRenderer::Cpu;
+        let (estimator, used) = estimator(choice.estimator, file, plane.clone(), renderer, true)?;
+        contenders.push(Contender { name: name(choice), estimator });
+        settings.push(used);
+    }
+    let searches = Searches {
+        dataset: &dataset,
+        image: (args.scene, args.image),
+        objects: &args.object,
+        boxes: &boxes,
+        seeds: 1..=args.seeds,
+    };
+    let progress = bar("searches");
+    // One thread for each search, or their times could not be compared.
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().context("cannot start a thread")?;
+    let found = pool.install(|| searches.run(&contenders, &progress));
+    progress.finish_and_clear();
+    let found = found?;
+    let title = format!("Convergence: scene {}, image {}, boxes {}", args.scene, args.image, args.boxes);
+    plot::write(&found.figure(title, &contenders), &args.out)?;
+    report(args, &dataset, &contenders, &settings, &found)?;
+    Ok(Done::Fully)
+}
+
+/// In the figure: the estimator, and its settings file where it has one.
+fn name(choice: &SearchChoice) -> String {
+    let value = choice.estimator.to_possible_value();
+    let name = value.as_ref().map_or("", |value| value.get_name());
+    let file = choice.settings.as_ref().and_then(|file| file.file_stem()).map(|stem| stem.to_string_lossy());
+    file.map_or_else(|| name.to_owned(), |file| format!("{name} ({file})"))
+}
+
+fn report(
+    args: &ConvergenceArgs,
+    dataset: &Dataset,
+    contenders: &[Contender],
+    settings: &[Value],
+    found: &Convergence,
+) -> Result<()> {
+    let summaries: Vec<_> = (0..contenders.len()).map(|i| found.summary(i)).collect();
+    if args.json {
+        let estimators: Vec<Value> = contenders
+            .iter()
+            .zip(settings)
+            .zip(&summaries)
+            .map(|((c, settings), summary)| json!({"name": c.name, "settings": settings, "summary": summary}))
+            .collect();
+        let json = json!({
+            "schema": "grip.convergence/1",
+            "dataset": args.dataset,
+            "split": dataset.split(),
+            "scene_id": args.scene,
+            "im_id": args.image,
+            "boxes": args.boxes,
+            "out": args.out,
+            "estimators": estimators,
+            "trials": found.trials,
+        });
+        return output::data(format_args!("{}", serde_json::to_string_pretty(&json)?));
+    }
+    let header = [
+        "",
+        "searches",
+        "iterations",
+        "ms",
+        "hypotheses",
+        "ADD-S mm",
+        "ADD mm",
+        "ADD-S < 5 mm",
+        "nothing drawn",
+    ];
+    let rows = contenders.iter().zip(&summaries).map(|(contender, s)| {
+        [
+            contender.name.clone(),
+            s.searches.to_string(),
+            format!("{:.1}", s.iterations),
+            format!("{:.0}", 1e3 * s.seconds),
+            format!("{:.0}", s.hypotheses),
+            format!("{:.1}", 1e3 * s.adds_m),
+            format!("{:.1}", 1e3 * s.add_m),
+            format!("{:.0} %", 100.0 * s.under_5_mm),
+            s.empty.to_string(),
+        ]
+    });
+    let helped = matches!(args.boxes.as_str(), "gt" | "jittered");
+    output::data(format_args!(
+        "{}\n{}: means over the searches, one thread each{}",
+        output::table(header, &[1, 2, 3, 4, 5, 6, 7, 8], rows),
+        args.out.display(),
+        if helped { "; boxes from the TRUTH" } else { "" },
+    ))
+}
