@@ -1,4 +1,5 @@
 //! Objects that hide, touch or resemble each other.
+#![allow(clippy::unwrap_used, reason = "a test")]
 
 mod common;
 

@@ -106,36 +106,41 @@ pub(super) fn belief(
     }
 }
 
+/// Particles whose hulls are near that of the first.
+struct Place {
+    first: Hypothesis,
+    /// How far its hull reaches.
+    outline: Vec<f32>,
+    members: Vec<(Hypothesis, f64)>,
+}
+
 /// The places of the population, that of the best pose first, then by falling mass.
 fn modes(model: &Model, best: &Hypothesis, population: &[(Hypothesis, f64)]) -> Vec<Mode> {
     let outline = |pose: &Isometry3<f32>| -> Vec<f32> {
         directions(DIRECTIONS).map(|d| reach(&model.hull, pose, &d)).collect()
     };
     let near = |a: &[f32], b: &[f32]| a.iter().zip(b).all(|(a, b)| (a - b).abs() < MODE_M);
-    let mut places: Vec<(Hypothesis, Vec<f32>, Vec<(Hypothesis, f64)>)> =
-        vec![(*best, outline(&best.pose), Vec::new())];
+    let mut places = vec![Place { first: *best, outline: outline(&best.pose), members: Vec::new() }];
     // The population is sorted by score within each instance, so that places are opened by their best particles.
-    for (h, w) in population {
-        let mine = outline(&h.pose);
-        match places.iter_mut().find(|(_, place, _)| near(place, &mine)) {
-            Some((_, _, members)) => members.push((*h, *w)),
-            None => places.push((*h, mine, vec![(*h, *w)])),
+    for &(h, w) in population {
+        let outline = outline(&h.pose);
+        match places.iter_mut().find(|place| near(&place.outline, &outline)) {
+            Some(place) => place.members.push((h, w)),
+            None => places.push(Place { first: h, outline, members: vec![(h, w)] }),
         }
     }
-    let mut modes: Vec<Mode> = places
-        .into_iter()
-        .map(|(first, _, members)| {
-            let (position_std_m, rotation_std_rad) = spread(model, &members, &first.pose);
-            Mode {
-                pose: typed(&first.pose),
-                mean: typed(&mean(model.turns(), &first.pose, &members)),
-                mass: members.iter().map(|(_, w)| w).sum(),
-                score: f64::from(first.score),
-                position_std_m,
-                rotation_std_rad,
-            }
-        })
-        .collect();
+    let mode = |Place { first, members, .. }: Place| {
+        let (position_std_m, rotation_std_rad) = spread(model, &members, &first.pose);
+        Mode {
+            pose: typed(&first.pose),
+            mean: typed(&mean(model.turns(), &first.pose, &members)),
+            mass: members.iter().map(|(_, w)| w).sum(),
+            score: f64::from(first.score),
+            position_std_m,
+            rotation_std_rad,
+        }
+    };
+    let mut modes: Vec<Mode> = places.into_iter().map(mode).collect();
     if let Some((_, rest)) = modes.split_first_mut() {
         rest.sort_by(|a, b| b.mass.total_cmp(&a.mass));
     }

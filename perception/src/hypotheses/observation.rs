@@ -24,7 +24,7 @@ const EDGE_SLOPE: f32 = 0.002;
 /// Inverse depth of pixels that another object explains: an occluder right before the lens.
 const EXPLAINED: f32 = 20.0;
 
-/// The frame at one resolution. Arrays are padded: row and column -1 exist, and at least [`LANES`] columns on the right,
+/// The frame at one resolution. Arrays are padded: row and column -1 exist, and at least eight columns on the right,
 /// since rows are read in blocks.
 #[derive(Debug, Clone)]
 pub struct Level {
