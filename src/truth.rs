@@ -22,6 +22,7 @@ pub fn posteriors(world: &World, frame: &CameraFrame, which: &[usize]) -> Vec<Po
                 restarts: 0,
                 hypotheses: 0,
                 seconds: 0.0,
+                colour: None,
                 trace: Vec::new(),
             }
         })

@@ -31,7 +31,8 @@ pub use error::{Error, Result};
 pub use estimator::PoseEstimator;
 pub use footprint::Footprint;
 pub use grip::{
-    Centre, GripEstimator, GripSettings, Holes, PaperEstimator, PaperSettings, Ranking, SearchLevel,
+    Centre, ColourSettings, ColourVerdict, GripEstimator, GripSettings, Holes, JointSettings, PaperEstimator,
+    PaperSettings, Ranking, SearchLevel,
 };
 pub use hypotheses::{HypothesisRenderer, HypothesisRendererChoice};
 pub use plane::{Plane, PlaneSettings, Support, fit_support_plane};

@@ -1,5 +1,6 @@
 //! What an estimator believes about one object.
 
+use crate::grip::ColourVerdict;
 use grip_sim::pose::{Camera, Object, Pose};
 use serde::{Deserialize, Serialize};
 
@@ -29,7 +30,11 @@ pub struct PosePosterior {
     pub hypotheses: usize,
     /// Wall time, seconds. With those of the trace the only thing that differs between equal calls.
     pub seconds: f64,
-    /// The answer after each iteration, where the settings ask for a trace; else empty.
+    /// What colour said where depth could not decide. None where it was not asked (see
+    /// [`crate::GripSettings::colour`]) or had nothing to go by.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub colour: Option<ColourVerdict>,
+    /// The answer after each iteration, and at last the whole one; where the settings ask for a trace, else empty.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub trace: Vec<TracePoint>,
 }

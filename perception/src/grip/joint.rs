@@ -1,8 +1,20 @@
-//! Two objects cannot be in one place: the light joint step after the independent searches.
+//! All objects of a frame together, after each was searched on its own.
+//!
+//! Pixels are explained once: of two objects that explain the same ones, such as two clamps of nearly one size or two of a
+//! kind, the worse is searched again without them. And of poses that score about alike those are taken in which bodies do
+//! not overlap and nothing hangs in the air. On two sets of ours (10 % jittered boxes, 16 scenes) the first is worth 1.6 and
+//! 3.0 points of AUC (ADD-S, 4 cm), most of it in heaps; the second changes nothing beyond 0.1.
+
+use std::sync::Arc;
 
 use nalgebra::Isometry3;
+use serde::{Deserialize, Serialize};
 
 use super::model::Model;
+use super::search::{Found, Hypothesis, reach};
+use super::settings::GripSettings;
+use super::trace::replaced;
+use crate::error::{Error, Result};
 use crate::hypotheses::{Observation, Raster, render};
 
 /// Stride and triangles at which claims are drawn.
@@ -10,10 +22,183 @@ const STRIDE: usize = 2;
 const TRIANGLES: usize = 500;
 /// A pixel is explained when the surfaces are this many epsilons apart at most.
 const KERNEL: f32 = 2.0;
+/// Poses of the population that are looked at, besides the best.
+const ALTERNATIVES: usize = 12;
+
+/// When objects are looked at together. Figures are of scores, which are about 0 to 1.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct JointSettings {
+    /// Two objects that explain the same pixels, by more than this share of either one's inliers, are in conflict: the
+    /// one with the lower score is searched again without those pixels.
+    pub conflict_share: f64,
+    /// A pose that scores less than the best one by more is no alternative to it.
+    pub margin: f32,
+    /// What an overlap of bodies costs, at most.
+    pub overlap_weight: f32,
+    /// Overlap that is free, metres: of estimates that are a little off, and of simplified meshes,
+    pub overlap_free_m: f32,
+    /// and that costs the full weight.
+    pub overlap_full_m: f32,
+    /// What hanging in the air costs.
+    pub afloat_weight: f32,
+    /// Farther from the support plane and from all other objects than this is in the air, metres.
+    pub afloat_m: f32,
+}
+
+impl Default for JointSettings {
+    fn default() -> Self {
+        Self {
+            conflict_share: 0.5,
+            margin: 0.05,
+            overlap_weight: 0.1,
+            overlap_free_m: 0.006,
+            overlap_full_m: 0.020,
+            afloat_weight: 0.03,
+            afloat_m: 0.015,
+        }
+    }
+}
+
+impl JointSettings {
+    /// Refuses values that mean nothing.
+    pub(crate) fn check(&self) -> Result<()> {
+        let values = [
+            ("joint.conflict_share", self.conflict_share),
+            ("joint.margin", f64::from(self.margin)),
+            ("joint.overlap_weight", f64::from(self.overlap_weight)),
+            ("joint.overlap_free_m", f64::from(self.overlap_free_m)),
+            ("joint.overlap_full_m", f64::from(self.overlap_full_m)),
+            ("joint.afloat_weight", f64::from(self.afloat_weight)),
+            ("joint.afloat_m", f64::from(self.afloat_m)),
+        ];
+        for (name, value) in values {
+            if !(0.0..=10.0).contains(&value) {
+                let message = "0 to 10; see the default".to_owned();
+                return Err(Error::Setting { name, value: value.to_string(), message });
+            }
+        }
+        Ok(())
+    }
+}
+
+/// What a search gave, and the seconds that it took.
+pub(crate) type Searched = (Option<Found>, f64);
+
+/// The objects of a frame.
+pub(crate) struct Joint<'a, S> {
+    pub models: &'a [Arc<Model>],
+    pub observation: &'a Observation,
+    pub settings: &'a GripSettings,
+    /// Searches object number i in an observation, once more.
+    pub search: S,
+}
+
+impl<S> Joint<'_, S>
+where
+    S: Fn(usize, &Observation) -> Result<Searched>,
+{
+    /// Goes over all results.
+    pub fn settle(&self, results: &mut [Searched], joint: &JointSettings) -> Result<()> {
+        self.explain_away(results, joint)?;
+        self.take_consistent(results, joint);
+        Ok(())
+    }
+
+    /// Numbers of the objects, the best score first.
+    fn order(results: &[Searched]) -> Vec<usize> {
+        let score = |i: usize| results[i].0.as_ref().map_or(0.0, |f| f.best.score);
+        let mut order: Vec<usize> = (0..results.len()).collect();
+        order.sort_by(|&a, &b| score(b).total_cmp(&score(a)).then(a.cmp(&b)));
+        order
+    }
+
+    /// In the order of falling score each object claims the pixels it explains; one that explains mostly what another
+    /// has claimed is searched again with all claimed pixels taken, once.
+    fn explain_away(&self, results: &mut [Searched], joint: &JointSettings) -> Result<()> {
+        let pitch = self.observation.level(STRIDE).pitch;
+        let mut claims: Vec<Vec<bool>> = Vec::new();
+        let mut taken = vec![false; self.observation.level(STRIDE).w.len()];
+        for i in Self::order(results) {
+            let Some(found) = &results[i].0 else { continue };
+            let mut mine = explained(&self.models[i], &found.best.pose, self.observation);
+            let conflict = claims.iter().any(|c| overlap(c, &mine) > joint.conflict_share);
+            if conflict && found.best.score > self.settings.hopeless_score {
+                let rest = self.observation.without(&taken);
+                let (second, seconds) = (self.search)(i, &rest)?;
+                let (hypotheses, trace) = (found.hypotheses, found.trace.clone());
+                let before = (hypotheses, results[i].1);
+                results[i].1 += seconds;
+                if let Some(mut second) = second {
+                    second.hypotheses += hypotheses;
+                    second.trace = replaced(trace, before, second.trace);
+                    mine = explained(&self.models[i], &second.best.pose, &rest);
+                    results[i].0 = Some(second);
+                }
+            }
+            claim(&mut taken, &mine, pitch);
+            claims.push(mine);
+        }
+        Ok(())
+    }
+
+    /// Of the poses that score about alike takes, object by object, the one that fits the other objects.
+    fn take_consistent(&self, results: &mut [Searched], joint: &JointSettings) {
+        for i in Self::order(results) {
+            let Some(found) = &results[i].0 else { continue };
+            let least = found.best.score - joint.margin;
+            let others: Vec<(usize, Hypothesis)> = (0..results.len())
+                .filter(|&j| j != i)
+                .filter_map(|j| Some((j, results[j].0.as_ref()?.best)))
+                .filter(|(_, other)| other.score >= self.settings.hopeless_score)
+                .collect();
+            let fitting = |h: &Hypothesis| h.score - self.misfit(i, h, &others, joint);
+            let mut best = (found.best, fitting(&found.best));
+            if best.1 >= found.best.score {
+                continue;
+            }
+            for h in found.population.iter().filter(|h| h.score >= least).take(ALTERNATIVES) {
+                let fit = fitting(h);
+                if fit > best.1 {
+                    best = (*h, fit);
+                }
+            }
+            if let Some(found) = &mut results[i].0 {
+                found.best = best.0;
+            }
+        }
+    }
+
+    /// What a pose costs for overlapping with other objects, those that score no less, and for hanging in the air.
+    fn misfit(&self, i: usize, h: &Hypothesis, others: &[(usize, Hypothesis)], joint: &JointSettings) -> f32 {
+        let (model, pose) = (&self.models[i], &h.pose);
+        let Some(solid) = model.solid() else { return 0.0 };
+        let (mut depth, mut gap) = (0.0f32, f32::MAX);
+        for (j, other) in others {
+            let far = (pose.translation.vector - other.pose.translation.vector).norm();
+            let reach = model.radius + self.models[*j].radius;
+            let Some(body) = self.models[*j].solid() else { continue };
+            if far < reach + joint.afloat_m {
+                let meeting = solid.meets(pose, body, &other.pose);
+                // The one with the lower score gives way.
+                if other.score >= h.score {
+                    depth = depth.max(meeting.depth);
+                }
+                gap = gap.min(meeting.gap);
+            }
+        }
+        let share = (depth - joint.overlap_free_m) / (joint.overlap_full_m - joint.overlap_free_m).max(1e-6);
+        let afloat = self.observation.flat_plane().is_some_and(|(normal, offset)| {
+            let lowest = offset - reach(&model.hull, pose, &-normal);
+            lowest > joint.afloat_m && gap > joint.afloat_m
+        });
+        joint.overlap_weight * share.clamp(0.0, 1.0) + if afloat { joint.afloat_weight } else { 0.0 }
+    }
+}
 
 /// Marks the pixels (of the padded level with stride 2) that a posed object explains: rendered there, and where the
 /// reading is.
-pub(crate) fn explained(model: &Model, pose: &Isometry3<f32>, observation: &Observation) -> Vec<bool> {
+fn explained(model: &Model, pose: &Isometry3<f32>, observation: &Observation) -> Vec<bool> {
     let level = observation.level(STRIDE);
     let mut marks = vec![false; level.w.len()];
     let mut raster = Raster::default();
@@ -29,7 +214,7 @@ pub(crate) fn explained(model: &Model, pose: &Isometry3<f32>, observation: &Obse
 }
 
 /// The share of the smaller of two sets of pixels that is in both; 0 when one is empty.
-pub(crate) fn overlap(a: &[bool], b: &[bool]) -> f64 {
+fn overlap(a: &[bool], b: &[bool]) -> f64 {
     let count = |m: &[bool]| m.iter().filter(|x| **x).count();
     let both = a.iter().zip(b).filter(|(x, y)| **x && **y).count();
     let smaller = count(a).min(count(b));
@@ -37,7 +222,7 @@ pub(crate) fn overlap(a: &[bool], b: &[bool]) -> f64 {
 }
 
 /// Adds the marks of `b`, grown by one pixel, to `a`: the rim of an object is explained by it, too.
-pub(crate) fn claim(a: &mut [bool], b: &[bool], pitch: usize) {
+fn claim(a: &mut [bool], b: &[bool], pitch: usize) {
     for i in pitch + 1..a.len().saturating_sub(pitch + 1) {
         let grown = b[i] || b[i - 1] || b[i + 1] || b[i - pitch] || b[i + pitch];
         a[i] |= grown;

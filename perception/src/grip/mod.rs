@@ -1,12 +1,13 @@
 //! GRIP's second stage: iterated likelihood weighting over rendered pose hypotheses, on the CPU.
 //!
 //! Read in this order: [`settings`](GripSettings), `model` (an object, prepared), `propose`, [`crate::hypotheses`] (renders,
-//! compares and moves them), `score`, `search` (one object), `joint` (all of them).
+//! compares and moves them), `score`, `search` (one object), `joint` (all of them), `colour` (what depth cannot tell).
 //!
 //! DIFFERENCE to the paper: hypotheses are pulled towards the data by Gauss-Newton steps before they are weighed, weights
 //! are tempered, resolution goes from coarse to fine, and independent restarts replace hundreds of iterations. The
 //! principle, generate and weigh by rendering, is the same. `paper` is the method without these differences.
 
+mod colour;
 mod joint;
 mod model;
 mod paper;
@@ -16,6 +17,7 @@ mod resting;
 mod score;
 mod search;
 mod settings;
+mod solid;
 mod trace;
 
 use std::sync::Arc;
@@ -28,6 +30,8 @@ use grip_sim::rng;
 use nalgebra::{Isometry3, Vector3};
 use rayon::prelude::*;
 
+pub use self::colour::{ColourSettings, ColourVerdict};
+pub use self::joint::JointSettings;
 pub use self::paper::{Centre, Holes, PaperEstimator, PaperSettings, Ranking};
 pub use self::settings::{GripSettings, SearchLevel};
 
@@ -39,10 +43,12 @@ pub(crate) use self::propose::small_rotation;
 #[cfg(test)]
 pub(crate) use self::score::score;
 
+use self::colour::Picture;
+use self::joint::{Joint, Searched};
 use self::model::{ModelCache, directions};
 use self::propose::box_priors;
 use self::search::{FINAL_TRIANGLES, Found, Hypothesis, Search, reach};
-use crate::detector::{Detections, check_frame};
+use crate::detector::{Detection, Detections, check_frame};
 use crate::error::Result;
 use crate::estimator::PoseEstimator;
 use crate::hypotheses::{HypothesisRenderer, Observation};
@@ -90,12 +96,12 @@ impl GripEstimator {
         &self,
         model: &Model,
         observation: &Observation,
-        detections: &Detections,
+        boxes: &[Detection],
         seed: u64,
         stream: &str,
-    ) -> Result<(Option<Found>, f64)> {
+    ) -> Result<Searched> {
         let start = Instant::now();
-        let boxes = box_priors(detections.of(&model.name), observation);
+        let boxes = box_priors(boxes, observation);
         let mut rng = rng::stream(seed, stream);
         let mut renderer = self.renderer.session();
         let found = Search::new(model, observation, &boxes, &self.settings, &mut *renderer).run(&mut rng)?;
@@ -122,58 +128,55 @@ impl PoseEstimator for GripEstimator {
             objects.par_iter().map(|object| self.models.get(object, &counts)).collect::<Result<_>>()?;
         let observation = Observation::new(frame, &self.settings);
         let stream = |i: usize| stream("grip", &models, i);
-        let mut results: Vec<(Option<Found>, f64)> = (0..models.len())
+        let mut results: Vec<Searched> = (0..models.len())
             .into_par_iter()
-            .map(|i| self.search(&models[i], &observation, detections, seed, &stream(i)))
+            .map(|i| {
+                let boxes = detections.of(&models[i].name);
+                self.search(&models[i], &observation, boxes, seed, &stream(i))
+            })
             .collect::<Result<_>>()?;
-        self.settle_conflicts(&models, &observation, &mut results, |i, seen| {
-            self.search(&models[i], seen, detections, seed, &format!("{}/again", stream(i)))
-        })?;
+        if let Some(joint) = &self.settings.joint {
+            let search = |i: usize, seen: &Observation| {
+                let boxes = detections.of(&models[i].name);
+                self.search(&models[i], seen, boxes, seed, &format!("{}/again", stream(i)))
+            };
+            let (models, observation, settings) = (&models, &observation, &self.settings);
+            Joint { models, observation, settings, search }.settle(&mut results, joint)?;
+        }
+        let colours = self.look_at_colours(frame, &models, &observation, detections, &mut results)?;
         Ok(models
             .iter()
             .zip(results)
             .map(|(model, (found, seconds))| posterior(model, found, seconds, &self.settings))
+            .zip(colours)
+            .map(|(belief, colour)| trace::closed(PosePosterior { colour, ..belief }))
             .collect())
     }
 }
 
 impl GripEstimator {
-    /// In the order of falling score each object claims the pixels it explains; one that explains mostly what another
-    /// has claimed is searched again with all claimed pixels taken, once.
-    fn settle_conflicts(
+    /// Lets colour decide between poses that depth cannot tell apart.
+    fn look_at_colours(
         &self,
+        frame: &CameraFrame,
         models: &[Arc<Model>],
         observation: &Observation,
-        results: &mut [(Option<Found>, f64)],
-        again: impl Fn(usize, &Observation) -> Result<(Option<Found>, f64)>,
-    ) -> Result<()> {
-        let score = |r: &(Option<Found>, f64)| r.0.as_ref().map_or(0.0, |f| f.best.score);
-        let mut order: Vec<usize> = (0..results.len()).collect();
-        order.sort_by(|&a, &b| score(&results[b]).total_cmp(&score(&results[a])).then(a.cmp(&b)));
-        let pitch = observation.level(2).pitch;
-        let mut claims: Vec<Vec<bool>> = Vec::new();
-        let mut taken = vec![false; observation.level(2).w.len()];
-        for i in order {
-            let Some(found) = &results[i].0 else { continue };
-            let mut mine = joint::explained(&models[i], &found.best.pose, observation);
-            let conflict = claims.iter().any(|c| joint::overlap(c, &mine) > self.settings.conflict_share);
-            if conflict && found.best.score > self.settings.hopeless_score {
-                let rest = observation.without(&taken);
-                let (second, seconds) = again(i, &rest)?;
-                let (hypotheses, trace) = (found.hypotheses, found.trace.clone());
-                let before = (hypotheses, results[i].1);
-                results[i].1 += seconds;
-                if let Some(mut second) = second {
-                    second.hypotheses += hypotheses;
-                    second.trace = trace::replaced(trace, before, second.trace);
-                    mine = joint::explained(&models[i], &second.best.pose, &rest);
-                    results[i].0 = Some(second);
-                }
-            }
-            joint::claim(&mut taken, &mine, pitch);
-            claims.push(mine);
-        }
-        Ok(())
+        detections: &Detections,
+        results: &mut [Searched],
+    ) -> Result<Vec<Option<ColourVerdict>>> {
+        let picture =
+            self.settings.colour.as_ref().and_then(|settings| Some((settings, Picture::new(frame)?)));
+        let decided = |(model, (found, seconds)): (&Arc<Model>, &mut Searched)| {
+            let (Some((settings, picture)), Some(found)) = (&picture, found) else { return Ok(None) };
+            let start = Instant::now();
+            let boxes = box_priors(detections.of(&model.name), observation);
+            let mut renderer = self.renderer.session();
+            let mut search = Search::new(model, observation, &boxes, &self.settings, &mut *renderer);
+            let verdict = colour::decide(model, found, observation, picture, &mut search, settings);
+            *seconds += start.elapsed().as_secs_f64();
+            verdict.transpose()
+        };
+        models.par_iter().zip(results).map(decided).collect()
     }
 }
 
@@ -220,6 +223,7 @@ fn belief(
             restarts: 0,
             hypotheses: 0,
             seconds,
+            colour: None,
             trace: Vec::new(),
         };
     };
@@ -236,6 +240,7 @@ fn belief(
         restarts: found.restarts,
         hypotheses: found.hypotheses,
         seconds,
+        colour: None,
         trace: found.trace,
     }
 }

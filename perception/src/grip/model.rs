@@ -1,17 +1,23 @@
 //! Objects prepared for the filters: levels of detail, extreme points, resting orientations.
 
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
+use grip_sim::mesh::Visual;
 use grip_sim::objects::ObjectModel;
 use nalgebra::Vector3;
 
+use super::colour::{Looks, Turns};
 use super::resting::{Resting, resting_orientations};
+use super::solid::Solid;
 use crate::error::{Error, Result};
 use crate::hypotheses::{Lod, simplify, weld};
 
 /// Directions in which extreme points are taken, for the hull and for quick bounds.
 const HULL_DIRECTIONS: usize = 96;
 const OUTLINE_DIRECTIONS: usize = 20;
+
+/// Triangles of the mesh of which bodies are made.
+const SOLID_TRIANGLES: usize = 200;
 
 /// All that the filter needs to know of an object.
 #[derive(Debug)]
@@ -28,6 +34,11 @@ pub(crate) struct Model {
     /// Middle of the bounding box.
     pub middle: Vector3<f32>,
     pub resting: Vec<Resting>,
+    /// Made when two objects may touch.
+    solid: OnceLock<Option<Solid>>,
+    visual: Arc<Visual>,
+    looks: OnceLock<Option<Looks>>,
+    turns: OnceLock<Turns>,
 }
 
 impl Model {
@@ -63,7 +74,34 @@ impl Model {
         let middle = (bound(f32::min) + bound(f32::max)) / 2.0;
         let centroid = volume_centroid(&positions, &triangles);
         let resting = resting_orientations(&hull, centroid);
-        Ok(Self { name, lods, hull, outline, radius, middle, resting })
+        Ok(Self {
+            name,
+            lods,
+            hull,
+            outline,
+            radius,
+            middle,
+            resting,
+            visual: object.visual.clone(),
+            looks: OnceLock::new(),
+            turns: OnceLock::new(),
+            solid: OnceLock::new(),
+        })
+    }
+
+    /// It as a body; `None` for a mesh that makes none.
+    pub fn solid(&self) -> Option<&Solid> {
+        self.solid.get_or_init(|| Solid::new(self.lod(SOLID_TRIANGLES))).as_ref()
+    }
+
+    /// What is printed on it, if anything; prepared when first asked for.
+    pub fn looks(&self) -> Option<&Looks> {
+        self.looks.get_or_init(|| Looks::new(&self.visual)).as_ref()
+    }
+
+    /// The turns that depth may not notice; prepared when first asked for.
+    pub fn turns(&self) -> &Turns {
+        self.turns.get_or_init(|| Turns::new(&self.hull, &self.middle, self.radius))
     }
 
     /// The coarsest mesh of at least `triangles`.

@@ -200,7 +200,7 @@ impl<'a> Search<'a> {
     }
 
     /// The poses after Gauss-Newton steps at full resolution, or as they were where these did not help; best first.
-    fn polished(&mut self, mut poses: Vec<Isometry3<f32>>) -> Result<Vec<Hypothesis>> {
+    pub fn polished(&mut self, mut poses: Vec<Isometry3<f32>>) -> Result<Vec<Hypothesis>> {
         let still = self.full_batch();
         let before = self.weigh(&still, &mut poses.clone())?;
         let mut out: Vec<Hypothesis> =

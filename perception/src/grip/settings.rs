@@ -2,6 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::colour::ColourSettings;
+use super::joint::JointSettings;
 use crate::detector::Workspace;
 use crate::error::{Error, Result};
 use crate::hypotheses::STRIDES;
@@ -112,9 +114,10 @@ pub struct GripSettings {
     pub presence_score: f64,
     /// Scale of the logistic function about it.
     pub presence_scale: f64,
-    /// Two objects that explain the same pixels, by more than this share of either one's inliers, are in conflict: the
-    /// one with the lower score is searched again without those pixels.
-    pub conflict_share: f64,
+    /// How objects are looked at together after each was searched on its own; `None` for not at all (the paper: not).
+    pub joint: Option<JointSettings>,
+    /// When colour decides between poses that depth cannot tell apart; `None` leaves them as depth has them (the paper: none).
+    pub colour: Option<ColourSettings>,
     /// How the support plane is found; `None` searches without one.
     pub plane: Option<PlaneSettings>,
     /// Only points in here can be an object's, in the world frame; `None` for everywhere.
@@ -153,7 +156,7 @@ impl Default for GripSettings {
             max_restarts: 8,
             sure_score: 0.75,
             twins: true,
-            hopeless_score: 0.4,
+            hopeless_score: 0.3,
             fit_weight: 0.6,
             edge_weight: 0.4,
             box_weight: 0.3,
@@ -176,7 +179,8 @@ impl Default for GripSettings {
             posterior_temperature: 0.03,
             presence_score: 0.5,
             presence_scale: 0.04,
-            conflict_share: 0.5,
+            joint: Some(JointSettings::default()),
+            colour: Some(ColourSettings::default()),
             plane: Some(PlaneSettings::default()),
             workspace: None,
             trace: false,
@@ -244,6 +248,7 @@ impl GripSettings {
         if !(0.0..=1.0).contains(&self.resting_share) {
             return bad("resting_share", self.resting_share.to_string(), "0 to 1; try 0.5");
         }
-        Ok(())
+        self.joint.as_ref().map_or(Ok(()), JointSettings::check)?;
+        self.colour.as_ref().map_or(Ok(()), ColourSettings::check)
     }
 }

@@ -17,6 +17,15 @@ pub struct Lod {
     pub(crate) planes: Vec<[F8; 4]>,
 }
 
+impl Lod {
+    /// Vertices in the object frame, metres.
+    pub(crate) fn vertices(&self) -> Vec<Point3<f32>> {
+        let count = self.triangles.iter().flatten().max().map_or(0, |last| *last as usize + 1);
+        let vertex = |i: usize| Point3::from(self.blocks[i / LANES].map(|axis| axis.0[i % LANES]));
+        (0..count).map(vertex).collect()
+    }
+}
+
 /// Vertex positions and vertex indices of triangles.
 pub(crate) type Indexed = (Vec<[f32; 3]>, Vec<[u32; 3]>);
 
