@@ -36,4 +36,4 @@ pub use grip::{
 };
 pub use hypotheses::{HypothesisRenderer, HypothesisRendererChoice};
 pub use plane::{Plane, PlaneSettings, Support, fit_support_plane};
-pub use posterior::{PosePosterior, TracePoint};
+pub use posterior::{Mode, PosePosterior, TracePoint};

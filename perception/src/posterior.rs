@@ -1,8 +1,28 @@
 //! What an estimator believes about one object.
 
+use std::collections::BTreeMap;
+
 use crate::grip::ColourVerdict;
 use grip_sim::pose::{Camera, Object, Pose};
 use serde::{Deserialize, Serialize};
+
+/// One place where an object may be.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Mode {
+    /// The best pose there.
+    pub pose: Pose<Camera, Object>,
+    /// The mean of the poses there, each taken in that of its equal orientations which is nearest to `pose`.
+    pub mean: Pose<Camera, Object>,
+    /// Sum of the weights there; over all modes 1.
+    pub mass: f64,
+    /// Score of `pose`.
+    pub score: f64,
+    /// Root mean square distance of the origins there from their mean, metres.
+    pub position_std_m: f64,
+    /// Spread of orientation there, radians, as [`PosePosterior::rotation_std_rad`].
+    pub rotation_std_rad: f64,
+}
 
 /// The belief about one object's pose.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -14,11 +34,21 @@ pub struct PosePosterior {
     pub best: Pose<Camera, Object>,
     /// Weighted hypotheses, best first; weights sum to 1.
     pub particles: Vec<(Pose<Camera, Object>, f64)>,
+    /// Places where the object may be, that of `best` first, then by falling mass. Orientations that depth cannot tell apart
+    /// (turns that keep the convex hull) are one place.
+    pub modes: Vec<Mode>,
+    /// Entropy of the modes' masses, nats: 0 for a single place.
+    pub entropy: f64,
     /// How well `best` explains the frame: 1 is perfect, about 0.5 is what an absent object finds by chance.
     pub score: f64,
     /// Probability-like, 0 to 1: that the object is in view and `best` is its pose. Grows with the score and with
     /// independent restarts that ended in the same place.
     pub confidence: f64,
+    /// The verdict: whether the object is in view at all, that is, whether the confidence is 0.5 or more.
+    pub there: bool,
+    /// What each term of the score gives to that of `best`, by the term's name; they sum to the score.
+    #[serde(default)]
+    pub terms: BTreeMap<String, f64>,
     /// Root mean square distance of the particles' origins from their mean, metres.
     pub position_std_m: f64,
     /// Spread of orientation, radians: root mean square change of the convex hull's support function, relative to the
@@ -31,7 +61,8 @@ pub struct PosePosterior {
     /// Wall time, seconds. With those of the trace the only thing that differs between equal calls.
     pub seconds: f64,
     /// What colour said where depth could not decide. None where it was not asked (see
-    /// [`crate::GripSettings::colour`]) or had nothing to go by.
+    /// [`crate::GripSettings::colour`]) or had nothing to go by. A pose that colour chose is `best` and the first
+    /// particle; weights are those of depth alone.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub colour: Option<ColourVerdict>,
     /// The answer after each iteration, and at last the whole one; where the settings ask for a trace, else empty.

@@ -5,7 +5,9 @@ mod common;
 
 use std::sync::Arc;
 
-use grip_perception::{Detection, Detections, GripEstimator, GripSettings, PoseEstimator, PosePosterior};
+use grip_perception::{
+    Detection, Detections, GripEstimator, GripSettings, JointSettings, Mode, PoseEstimator, PosePosterior,
+};
 use grip_sim::objects::ObjectModel;
 use grip_sim::rng;
 
@@ -91,4 +93,26 @@ fn without_looking_at_them_together_two_of_a_kind_may_be_one() {
         })
         .count();
     assert!(missed > 0);
+}
+
+/// One object that is asked for once and stands there three times: three modes, one at each place.
+#[test]
+fn several_instances_are_several_modes() {
+    let can = common::can_object("can", 0.033, 0.1);
+    let joint = Some(JointSettings { instances: 5, ..JointSettings::default() });
+    let estimator = GripEstimator::new(GripSettings { joint, ..GripSettings::default() }).unwrap();
+    for seed in 0..3 {
+        let scene =
+            common::scene(&[can.clone(), can.clone(), can.clone()], 0.04, &mut rng::stream(seed, "three"));
+        let found =
+            estimator.estimate(&scene.frame, &Detections::new(), std::slice::from_ref(&can), seed).unwrap();
+        let modes: Vec<&Mode> = found[0].modes.iter().filter(|mode| mode.mass > 0.1).collect();
+        assert_eq!(modes.len(), 3, "seed {seed}: {:?}", found[0].modes);
+        for (_, truth) in &scene.placed {
+            let nearest = modes.iter().map(|m| common::adds(&can, truth, &m.pose)).fold(f64::MAX, f64::min);
+            assert!(nearest < 0.01, "seed {seed}: {:.1} mm", 1e3 * nearest);
+        }
+        // Three equal ones: nothing says which.
+        assert!((found[0].entropy - 3f64.ln()).abs() < 0.2, "{}", found[0].entropy);
+    }
 }

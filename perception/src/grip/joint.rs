@@ -13,7 +13,7 @@ use serde::{Deserialize, Serialize};
 use super::model::Model;
 use super::search::{Found, Hypothesis, reach};
 use super::settings::GripSettings;
-use super::trace::replaced;
+use super::trace;
 use crate::error::{Error, Result};
 use crate::hypotheses::{Observation, Raster, render};
 
@@ -32,6 +32,9 @@ pub struct JointSettings {
     /// Two objects that explain the same pixels, by more than this share of either one's inliers, are in conflict: the
     /// one with the lower score is searched again without those pixels.
     pub conflict_share: f64,
+    /// Instances of each object that are looked for, at most; those after the first are further modes of the posterior. (The
+    /// paper finds one, and names that as its limit.)
+    pub instances: usize,
     /// A pose that scores less than the best one by more is no alternative to it.
     pub margin: f32,
     /// What an overlap of bodies costs, at most.
@@ -50,6 +53,7 @@ impl Default for JointSettings {
     fn default() -> Self {
         Self {
             conflict_share: 0.5,
+            instances: 1,
             margin: 0.05,
             overlap_weight: 0.1,
             overlap_free_m: 0.006,
@@ -102,6 +106,35 @@ where
     pub fn settle(&self, results: &mut [Searched], joint: &JointSettings) -> Result<()> {
         self.explain_away(results, joint)?;
         self.take_consistent(results, joint);
+        self.find_further(results, joint)
+    }
+
+    /// Searches for more instances of each object in what no object explains, one by one, while they are found.
+    fn find_further(&self, results: &mut [Searched], joint: &JointSettings) -> Result<()> {
+        if joint.instances < 2 {
+            return Ok(());
+        }
+        let pitch = self.observation.level(STRIDE).pitch;
+        let mut taken = vec![false; self.observation.level(STRIDE).w.len()];
+        for (model, (found, _)) in self.models.iter().zip(results.iter()) {
+            if let Some(found) =
+                found.as_ref().filter(|f| f64::from(f.best.score) >= self.settings.presence_score)
+            {
+                claim(&mut taken, &explained(model, &found.best.pose, self.observation), pitch);
+            }
+        }
+        for (i, (found, seconds)) in results.iter_mut().enumerate() {
+            let Some(found) = found else { continue };
+            while found.others.len() + 1 < joint.instances {
+                let rest = self.observation.without(&taken);
+                let (next, spent) = (self.search)(i, &rest)?;
+                *seconds += spent;
+                let there = |f: &Found| f64::from(f.best.score) >= self.settings.presence_score;
+                let Some(next) = next.filter(there) else { break };
+                claim(&mut taken, &explained(&self.models[i], &next.best.pose, &rest), pitch);
+                found.others.push(next);
+            }
+        }
         Ok(())
     }
 
@@ -131,7 +164,7 @@ where
                 results[i].1 += seconds;
                 if let Some(mut second) = second {
                     second.hypotheses += hypotheses;
-                    second.trace = replaced(trace, before, second.trace);
+                    second.trace = trace::replaced(trace, before, second.trace);
                     mine = explained(&self.models[i], &second.best.pose, &rest);
                     results[i].0 = Some(second);
                 }

@@ -8,17 +8,43 @@
 use super::settings::GripSettings;
 use crate::hypotheses::Terms;
 
-/// The score: 1 is a perfect explanation. `box_support` is the largest confidence times overlap of a box, 0 to 1;
-/// `lowest` the height of the lowest point over the support plane, if there is one.
-pub(crate) fn score(
+/// What each term gives to the score; 1 in all is a perfect explanation.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub(crate) struct Parts {
+    /// Depth that fits, less free space that is violated.
+    pub fit: f32,
+    /// Depth edges along the silhouette.
+    pub edge: f32,
+    /// Agreement with a box.
+    pub boxes: f32,
+    /// Penetration of the support plane; not positive.
+    pub plane: f32,
+}
+
+impl Parts {
+    /// The score. 0 where the parts are not finite.
+    pub fn score(&self) -> f32 {
+        let sum = self.fit + self.edge + self.boxes + self.plane;
+        if sum.is_finite() { sum } else { 0.0 }
+    }
+
+    /// By the names that people see.
+    pub fn named(&self) -> [(&'static str, f32); 4] {
+        [("fit", self.fit), ("edge", self.edge), ("box", self.boxes), ("plane", self.plane)]
+    }
+}
+
+/// Weighs a hypothesis. `box_support` is the largest confidence times overlap of a box, 0 to 1; `lowest` the height of the
+/// lowest point over the support plane, if there is one. Too few pixels are worth nothing.
+pub(crate) fn parts(
     terms: &Terms,
     settings: &GripSettings,
     stride: usize,
     box_support: f32,
     lowest: Option<f32>,
-) -> f32 {
+) -> Parts {
     if terms.rendered * ((stride * stride) as f32) < settings.min_pixels {
-        return 0.0;
+        return Parts::default();
     }
     let explained = terms.rendered - terms.hole - settings.occlusion_discount * terms.occluded;
     let denominator = explained.max(settings.min_visible * terms.rendered);
@@ -28,8 +54,11 @@ pub(crate) fn score(
         let depth = -lowest - settings.penetration_free_m as f32;
         (depth / settings.penetration_full_m as f32).clamp(0.0, 1.0)
     });
-    let gain = settings.fit_weight * fit + settings.edge_weight * edge + settings.box_weight * box_support;
     let most = settings.fit_weight + settings.edge_weight + settings.box_weight;
-    let score = (gain - settings.plane_weight * penetration) / most;
-    if score.is_finite() { score } else { 0.0 }
+    Parts {
+        fit: settings.fit_weight * fit / most,
+        edge: settings.edge_weight * edge / most,
+        boxes: settings.box_weight * box_support / most,
+        plane: -settings.plane_weight * penetration / most,
+    }
 }

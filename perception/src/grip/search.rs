@@ -1,5 +1,7 @@
 //! The search for one object: levels of generate, move and weigh, restarted until two searches agree.
 
+use std::collections::BTreeMap;
+
 use grip_sim::camera::Intrinsics;
 use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 use rand::Rng;
@@ -8,7 +10,7 @@ use rand_distr::{Distribution, StandardNormal};
 use super::model::{Model, directions};
 use super::propose::{BoxPrior, propose, small_rotation};
 use super::resample::{gumbel_top, systematic, temperature};
-use super::score::score;
+use super::score::{Parts, parts};
 use super::settings::{GripSettings, SearchLevel};
 use super::trace::Trace;
 use crate::detector::iou;
@@ -36,8 +38,10 @@ pub(crate) struct Hypothesis {
 #[derive(Debug, Clone)]
 pub(crate) struct Found {
     pub best: Hypothesis,
-    /// Polished and last-level hypotheses of all restarts, with their scores at full resolution.
+    /// Polished hypotheses of all restarts, with their scores at full resolution.
     pub population: Vec<Hypothesis>,
+    /// Further instances.
+    pub others: Vec<Found>,
     pub restarts: usize,
     /// Restarts that ended at the best one's place, itself included.
     pub agreeing: usize,
@@ -129,7 +133,15 @@ impl<'a> Search<'a> {
         }
         population.sort_by(|a, b| b.score.total_cmp(&a.score));
         let trace = self.trace.take();
-        Ok(Some(Found { best, population, restarts: ends.len(), agreeing, hypotheses: self.rendered, trace }))
+        Ok(Some(Found {
+            best,
+            population,
+            others: Vec::new(),
+            restarts: ends.len(),
+            agreeing,
+            hypotheses: self.rendered,
+            trace,
+        }))
     }
 
     /// One pass through the levels and the polish; the survivors, best first.
@@ -239,6 +251,17 @@ impl<'a> Search<'a> {
     /// Moves poses as the batch says; their scores then, 0 for one that cannot be seen whole enough to be judged.
     fn weigh(&mut self, batch: &Batch<'_>, poses: &mut [Isometry3<f32>]) -> Result<Vec<f32>> {
         self.rendered += poses.len();
+        Ok(self.judged(batch, poses)?.iter().map(Parts::score).collect())
+    }
+
+    /// What the terms of the final score give to a pose, by name.
+    pub fn terms(&mut self, pose: &Isometry3<f32>) -> Result<BTreeMap<String, f64>> {
+        let batch = self.full_batch();
+        let parts = self.judged(&batch, &mut [*pose])?;
+        Ok(parts[0].named().map(|(name, part)| (name.to_owned(), f64::from(part))).into())
+    }
+
+    fn judged(&mut self, batch: &Batch<'_>, poses: &mut [Isometry3<f32>]) -> Result<Vec<Parts>> {
         let Self { settings, observation, boxes, .. } = *self;
         let rendered = self.renderer.advance(batch, poses)?;
         let k = &observation.intrinsics;
@@ -248,10 +271,12 @@ impl<'a> Search<'a> {
             let seen = k.project(&centre).is_some_and(|p| {
                 (0.0..k.width as f64).contains(&p.x) && (0.0..k.height as f64).contains(&p.y)
             });
-            let Some(Rendered { terms, extent }) = rendered.as_ref().filter(|_| seen) else { return 0.0 };
+            let Some(Rendered { terms, extent }) = rendered.as_ref().filter(|_| seen) else {
+                return Parts::default();
+            };
             let support = box_support(boxes, extent, batch.stride, k);
             let lowest = observation.plane.is_some().then_some(extent.lowest);
-            score(terms, settings, batch.stride, support, lowest)
+            parts(terms, settings, batch.stride, support, lowest)
         };
         Ok(rendered.iter().zip(poses.iter()).map(|(r, pose)| judged(r, pose)).collect())
     }

@@ -2,10 +2,9 @@
 
 use std::time::Instant;
 
-use grip_sim::pose::Pose;
 use nalgebra::Isometry3;
 
-use super::widened;
+use super::belief::typed;
 use crate::posterior::{PosePosterior, TracePoint};
 
 /// Takes down the answer after each iteration; costs nothing when it is off.
@@ -31,7 +30,7 @@ impl Trace {
             && let Some(pose) = self.answer.as_ref().or(candidate)
         {
             let seconds = self.began.elapsed().as_secs_f64();
-            self.points.push(TracePoint { hypotheses, seconds, best: Pose::new(widened(pose)) });
+            self.points.push(TracePoint { hypotheses, seconds, best: typed(pose) });
         }
     }
 

@@ -44,7 +44,7 @@ pub(crate) fn model(positions: Vec<Point3<f32>>, triangles: Vec<[u32; 3]>) -> Mo
 type Parts = (Vec<Point3<f32>>, Vec<[u32; 3]>);
 
 /// A box with one corner cut off by moving it inwards, so that no turn maps it to itself.
-pub(super) fn skew_box(size: [f32; 3]) -> Model {
+pub(crate) fn skew_box(size: [f32; 3]) -> Model {
     let (positions, triangles) = box_mesh(size);
     model(positions, triangles)
 }
@@ -87,6 +87,22 @@ fn sphere_mesh(radius: f32) -> Parts {
     (positions, triangles)
 }
 
+/// A closed cylinder about z.
+pub(crate) fn can(radius: f32, height: f32) -> Model {
+    let sides = 48u32;
+    let mut positions = vec![Point3::new(0.0, 0.0, -0.5 * height), Point3::new(0.0, 0.0, 0.5 * height)];
+    let mut triangles = Vec::new();
+    for i in 0..sides {
+        let (sin, cos) = (std::f32::consts::TAU * i as f32 / sides as f32).sin_cos();
+        for z in [-0.5 * height, 0.5 * height] {
+            positions.push(Point3::new(radius * cos, radius * sin, z));
+        }
+        let (a, b) = (2 + 2 * i, 2 + 2 * ((i + 1) % sides));
+        triangles.extend([[a, b, b + 1], [a, b + 1, a + 1], [0, b, a], [1, a + 1, b + 1]]);
+    }
+    model(positions, triangles)
+}
+
 fn settings() -> GripSettings {
     GripSettings { plane: None, ..GripSettings::default() }
 }
@@ -123,13 +139,14 @@ fn score(model: &Model, pose: &Isometry3<f32>, observation: &Observation, stride
     let level = observation.level(stride);
     let mut raster = Raster::default();
     match render(&mut raster, model.lod(1000), pose, level, None) {
-        Some(_) => crate::grip::score(
+        Some(_) => crate::grip::parts(
             &compare(Isa::best(), &raster.tile, level, kernel),
             &settings(),
             stride,
             0.0,
             None,
-        ),
+        )
+        .score(),
         None => 0.0,
     }
 }

@@ -43,7 +43,8 @@ pub struct ColourVerdict {
     /// Sum of the gains of the patches of the image over the root of the sum of their squares, which is a z-score where no
     /// patch says anything; below [`ColourSettings::min_consistency`] nothing is decided.
     pub consistency: f64,
-    /// Whether the pose was left as depth has it.
+    /// Whether the pose was left as depth has it: also where geometry refused the winner, where the print itself is lost in
+    /// noise, and where a small turn explains the picture as well.
     pub abstained: bool,
 }
 
@@ -106,6 +107,7 @@ pub(crate) fn decide(
     };
     let turns = model.turns();
     let (mut candidates, mut near) = (Vec::new(), None);
+    // Of a body of revolution the population's modes are all turns, too.
     if let Some(axis) = &turns.revolution {
         let step = TAU / settings.revolution_steps as f32;
         let turned = |angle: f32, end: &UnitQuaternion<f32>| {
@@ -140,10 +142,7 @@ pub(crate) fn decide(
             near == pose || seen(pose).is_some_and(|e| e.against(evidence).decides(settings))
         })
     };
-    let standing = candidates
-        .iter()
-        .map(|c| (c.pose, c.against))
-        .filter(|(pose, a)| a.decides(settings) && beats_rival(pose));
+    let standing = candidates.iter().filter(|c| c.against.decides(settings) && beats_rival(&c.pose));
     // In noise the pose with the least contrast is the likeliest: what decides must be there, not just be missing. A trace
     // of the print is better than none when the two correlate, whatever the contrast in dim light.
     let printed = |pose: &Isometry3<f32>| {
@@ -151,7 +150,7 @@ pub(crate) fn decide(
         trace.is_some_and(|(trace, none)| trace.against(&none).consistency >= settings.min_consistency)
     };
     let mut least = None;
-    for (pose, _) in standing.take(MOST_POLISHED) {
+    for candidate in standing.take(MOST_POLISHED) {
         let mut polished = |pose| search.polished(vec![pose]).map(|polished| polished[0]);
         // Both polished in the same frame, so that their scores are comparable.
         let least = match least {
@@ -161,7 +160,7 @@ pub(crate) fn decide(
                 Err(error) => return Some(Err(error)),
             },
         };
-        let polished = match polished(pose) {
+        let polished = match polished(candidate.pose) {
             Ok(polished) => polished,
             Err(error) => return Some(Err(error)),
         };

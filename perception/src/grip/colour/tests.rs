@@ -204,10 +204,11 @@ fn decided(
     let mut found = Found {
         best,
         population: Vec::<Hypothesis>::new(),
+        others: Vec::new(),
         restarts: 1,
         agreeing: 1,
         hypotheses: 1,
-        trace: vec![],
+        trace: Vec::new(),
     };
     let picture = Picture::new(frame).unwrap();
     let verdict = decide(model, &mut found, &observation, &picture, &mut search, settings);

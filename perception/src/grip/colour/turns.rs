@@ -53,6 +53,27 @@ impl Turns {
     }
 }
 
+impl Turns {
+    /// That of the equal orientations of a pose which is nearest to `other`'s. The body of revolution turns about the axis
+    /// through its middle, which is taken to be where its origin is.
+    pub fn nearest(&self, pose: &Isometry3<f32>, other: &Isometry3<f32>) -> Isometry3<f32> {
+        let turned = |q: &UnitQuaternion<f32>| {
+            let rotation = pose.rotation * q;
+            // From this orientation to the other one, the part about the axis is free.
+            let free = self.revolution.map_or_else(UnitQuaternion::identity, |axis| {
+                let rest = rotation.inverse() * other.rotation;
+                let along = rest.coords.xyz().dot(&axis);
+                UnitQuaternion::from_axis_angle(&axis, 2.0 * along.atan2(rest.w))
+            });
+            Isometry3::from_parts(pose.translation, rotation * free)
+        };
+        let still = turned(&UnitQuaternion::identity());
+        let distance = |p: &Isometry3<f32>| p.rotation.angle_to(&other.rotation);
+        let nearest = self.ends.iter().map(turned).min_by(|a, b| distance(a).total_cmp(&distance(b)));
+        nearest.filter(|p| distance(p) < distance(&still)).unwrap_or(still)
+    }
+}
+
 /// The 23 rotations, besides none, that take a cube to itself.
 fn quarter_turns() -> Vec<UnitQuaternion<f32>> {
     let axes = [Vector3::x(), Vector3::y(), Vector3::z()];

@@ -198,6 +198,7 @@ fn filter(likelihood: &Likelihood<'_>, frame: &CameraFrame, rng: &mut impl Rng) 
     Some(Found {
         best: *population.first()?,
         population,
+        others: Vec::new(),
         restarts: 1,
         agreeing: 1,
         hypotheses,
