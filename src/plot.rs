@@ -107,7 +107,7 @@ impl Axis {
             let (first, last) = ((start / step).ceil() as i64, (end / step * (1.0 + 1e-9)).floor() as i64);
             return (first..=last).map(|i| i as f64 * step).collect();
         }
-        let digits: &[u32] = if end / start > 1e3 { &[1] } else { &[1, 2, 5] };
+        let digits: &[u32] = if end / start > 600.0 { &[1] } else { &[1, 2, 5] };
         rounds(digits, &(start / (1.0 + 1e-9)..end * (1.0 + 1e-9)))
     }
 

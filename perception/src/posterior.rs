@@ -65,7 +65,7 @@ pub struct PosePosterior {
     /// particle; weights are those of depth alone.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub colour: Option<ColourVerdict>,
-    /// The answer after each iteration, where the settings ask for a trace; else empty.
+    /// The answer after each iteration, and at last the whole one; where the settings ask for a trace, else empty.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub trace: Vec<TracePoint>,
 }

@@ -1,8 +1,8 @@
 //! How searches converge: the error of their best pose after each iteration (Fig. 3 of the GRIP paper).
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 
-use anyhow::{Context, Result};
+use anyhow::Result;
 use grip_perception::metrics::Surface;
 use grip_perception::{PoseEstimator, TracePoint};
 use grip_sim::bop::{Dataset, GroundTruth};
@@ -74,47 +74,49 @@ pub struct Measured {
 
 /// All searches.
 pub struct Convergence {
-    /// By object, seed and contender.
+    /// By seed, contender and object.
     pub trials: Vec<Trial>,
 }
 
 impl Searches<'_> {
-    /// Searches for each object alone, by each contender, one search at a time on the calling thread's pool.
+    /// Estimates the image by each contender. On a pool of one thread each object's time is its own.
     ///
     /// # Errors
     /// When there is no such scene, image or object, or one of their files cannot be read.
     pub fn run(&self, contenders: &[Contender], progress: &ProgressBar) -> Result<Convergence> {
         let (scene_id, im_id) = self.image;
-        let (asked, ids) = self.asked()?;
+        let asked = self.asked()?;
         let bop = self.dataset.frame(scene_id, im_id)?;
         let frame = camera_frame(&bop);
-        // All that grip estimate would look for: boxes are drawn for all in turn.
-        let models = asked.iter().map(|id| objects::load(self.dataset, *id)).collect::<Result<Vec<_>>>()?;
-        progress.set_length((contenders.len() * ids.len() * self.seeds.clone().count()) as u64);
+        // Boxes are drawn for all of them in turn, as grip estimate does.
+        let all = asked.iter().map(|id| objects::load(self.dataset, *id)).collect::<Result<Vec<_>>>()?;
+        let chosen = |id: u32| self.objects.is_empty() || self.objects.contains(&id);
+        let searched: Vec<_> = all.iter().filter(|model| chosen(model.info.bop_id)).cloned().collect();
+        let mut surfaces = BTreeMap::new();
+        for model in &searched {
+            let points = self.dataset.load_evaluation_model(model.info.bop_id)?.mesh.positions.clone();
+            surfaces.insert(model.info.bop_id, Surface::new(points.iter().map(|p| p.cast()).collect()));
+        }
+        progress.set_length((contenders.len() * self.seeds.clone().count()) as u64);
         let mut trials = Vec::new();
-        for obj_id in ids {
-            let model = models.iter().find(|model| model.info.bop_id == obj_id);
-            let model = std::slice::from_ref(model.context("a model was not loaded")?);
-            let points = self.dataset.load_evaluation_model(obj_id)?.mesh.positions.clone();
-            let surface = Surface::new(points.iter().map(|p| p.cast()).collect());
-            let truths: Vec<&GroundTruth> =
-                bop.ground_truths.iter().filter(|truth| truth.obj_id == obj_id).collect();
-            for seed in self.seeds.clone() {
-                let of_image = image_seed(seed, self.image);
-                let detections = self.boxes.of(&bop, &frame, &models, of_image)?;
-                for (estimator, contender) in contenders.iter().enumerate() {
-                    let beliefs = contender.estimator.estimate(&frame, &detections, model, of_image)?;
-                    let trace = beliefs.into_iter().next().map(|belief| belief.trace).unwrap_or_default();
-                    trials.push(Trial { estimator, obj_id, seed, points: errors(&trace, &surface, &truths) });
-                    progress.inc(1);
+        for seed in self.seeds.clone() {
+            let of_image = image_seed(seed, self.image);
+            let detections = self.boxes.of(&bop, &frame, &all, of_image)?;
+            for (estimator, contender) in contenders.iter().enumerate() {
+                let beliefs = contender.estimator.estimate(&frame, &detections, &searched, of_image)?;
+                for (model, belief) in searched.iter().zip(beliefs) {
+                    let obj_id = model.info.bop_id;
+                    let points = errors(&belief.trace, &surfaces[&obj_id], &bop.ground_truths, obj_id);
+                    trials.push(Trial { estimator, obj_id, seed, points });
                 }
+                progress.inc(1);
             }
         }
         Ok(Convergence { trials })
     }
 
-    /// The objects that are asked for in the image, ascending, and those of them to search for.
-    fn asked(&self) -> Result<(Vec<u32>, Vec<u32>)> {
+    /// The objects that are asked for in the image, as often as there are instances.
+    fn asked(&self) -> Result<Vec<u32>> {
         let root = self.dataset.root().display();
         let (scene_id, im_id) = self.image;
         let list = |ids: &[u32]| ids.iter().map(u32::to_string).collect::<Vec<_>>().join(", ");
@@ -133,40 +135,45 @@ impl Searches<'_> {
         );
         let known: BTreeSet<u32> =
             self.dataset.ground_truths(scene_id, im_id)?.iter().map(|truth| truth.obj_id).collect();
-        let asked: BTreeSet<u32> = targets(self.dataset)?
+        let asked: BTreeMap<u32, u32> = targets(self.dataset)?
             .iter()
             .filter(|t| (t.scene_id, t.im_id) == self.image && known.contains(&t.obj_id))
-            .map(|t| t.obj_id)
+            .map(|t| (t.obj_id, t.inst_count))
             .collect();
-        let asked: Vec<u32> = asked.into_iter().collect();
         anyhow::ensure!(
             !asked.is_empty(),
             "{root}: scene {scene_id}, image {im_id} has no truth to measure errors with; choose another image or split"
         );
-        if let Some(id) = self.objects.iter().find(|id| !asked.contains(id)) {
+        if let Some(id) = self.objects.iter().find(|id| !asked.contains_key(id)) {
+            let ids: Vec<u32> = asked.into_keys().collect();
             anyhow::bail!(
                 "{root}: scene {scene_id}, image {im_id} has no object {id}; it has {}",
-                list(&asked)
+                list(&ids)
             );
         }
-        let chosen = if self.objects.is_empty() { &asked } else { self.objects }.to_vec();
-        Ok((asked, chosen))
+        let repeated = |(id, count): (u32, u32)| std::iter::repeat_n(id, count as usize);
+        Ok(asked.into_iter().flat_map(repeated).collect())
     }
 }
 
 /// The errors of a trace; of more instances of the object the nearest one counts.
-fn errors(trace: &[TracePoint], surface: &Surface, truths: &[&GroundTruth]) -> Vec<Measured> {
+fn errors(trace: &[TracePoint], surface: &Surface, truths: &[GroundTruth], obj_id: u32) -> Vec<Measured> {
     // An answer stands for many iterations: its errors are taken once.
     let mut last: Option<(&TracePoint, [f64; 2])> = None;
     (1..)
         .zip(trace)
         .map(|(iteration, point)| {
             let measured = || {
-                let to = |truth: &&GroundTruth| {
+                let to = |truth: &GroundTruth| {
                     let truth = &truth.camera_from_object;
                     [surface.adds(truth, &point.best), surface.add(truth, &point.best)]
                 };
-                truths.iter().map(to).min_by(|a, b| a[0].total_cmp(&b[0])).unwrap_or([f64::INFINITY; 2])
+                truths
+                    .iter()
+                    .filter(|truth| truth.obj_id == obj_id)
+                    .map(to)
+                    .min_by(|a, b| a[0].total_cmp(&b[0]))
+                    .unwrap_or([f64::INFINITY; 2])
             };
             let known = last.filter(|(before, _)| before.best == point.best).map(|(_, errors)| errors);
             let [adds_m, add_m] = known.unwrap_or_else(measured);

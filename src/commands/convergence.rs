@@ -39,8 +39,8 @@ pub fn run(args: &ConvergenceArgs) -> Result<Done> {
         boxes: &boxes,
         seeds: 1..=args.seeds,
     };
-    let progress = bar("searches");
-    // One thread for each search, or their times could not be compared.
+    let progress = bar("estimates");
+    // On one thread, or the times of searches could not be compared.
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().context("cannot start a thread")?;
     let found = pool.install(|| searches.run(&contenders, &progress));
     progress.finish_and_clear();

@@ -150,7 +150,7 @@ impl PoseEstimator for GripEstimator {
             .map(|(model, (found, seconds))| posterior(model, found, seconds, &self.settings))
             .zip(colours)
             .zip(terms)
-            .map(|((belief, colour), terms)| PosePosterior { colour, terms, ..belief })
+            .map(|((belief, colour), terms)| trace::closed(PosePosterior { colour, terms, ..belief }))
             .collect())
     }
 }

@@ -5,7 +5,7 @@ use std::time::Instant;
 use nalgebra::Isometry3;
 
 use super::belief::typed;
-use crate::posterior::TracePoint;
+use crate::posterior::{PosePosterior, TracePoint};
 
 /// Takes down the answer after each iteration; costs nothing when it is off.
 #[derive(Debug)]
@@ -64,6 +64,15 @@ pub(crate) fn replaced(
     }
     first.append(&mut second);
     first
+}
+
+/// With a last point for what was decided after the object's own search: by the other objects and by colour.
+pub(crate) fn closed(mut belief: PosePosterior) -> PosePosterior {
+    if !belief.trace.is_empty() {
+        let PosePosterior { hypotheses, seconds, best, .. } = belief;
+        belief.trace.push(TracePoint { hypotheses, seconds, best });
+    }
+    belief
 }
 
 #[cfg(test)]
