@@ -6,6 +6,7 @@ use std::sync::Arc;
 use grip_sim::camera::Intrinsics;
 use grip_sim::frame::CameraFrame;
 use nalgebra::Point3;
+use rayon::prelude::*;
 
 use super::lanes::LANES;
 use super::raster::FlatPlane;
@@ -79,9 +80,18 @@ impl Observation {
         let support =
             settings.plane.as_ref().and_then(|p| fit_support_plane(frame, p, settings.workspace.as_ref()));
         let edges = near_edges(frame, settings.edge_jump_m as f32);
+        let inverse = |z: &f32| if is_reading(*z) { 1.0 / z } else { 0.0 };
+        let inverse: Vec<f32> = frame.depth.data().iter().map(inverse).collect();
+        // Blocks with an edge, each level from the one before.
+        let size = [frame.intrinsics.width, frame.intrinsics.height];
+        let mut near = vec![edges];
+        for stride in &STRIDES[..STRIDES.len() - 1] {
+            near.push(halved(&near[near.len() - 1], size.map(|side| side / stride)));
+        }
         let levels = STRIDES
-            .iter()
-            .map(|&stride| Arc::new(level(frame, stride, support.as_ref(), &edges, settings)))
+            .par_iter()
+            .zip(&near)
+            .map(|(&stride, near)| Arc::new(level(frame, &inverse, stride, support.as_ref(), near, settings)))
             .collect();
         Self { levels, plane: support.map(|s| s.plane), intrinsics: frame.intrinsics }
     }
@@ -137,6 +147,7 @@ impl Observation {
 
 fn level(
     frame: &CameraFrame,
+    inverse: &[f32],
     stride: usize,
     support: Option<&Support>,
     edges: &[bool],
@@ -174,11 +185,14 @@ fn level(
         let y = (v as f32 - level.cy) / level.fy;
         for u in 0..width {
             let i = level.index(u as i32, v as i32);
-            near[i] = (0..stride)
-                .any(|dv| (0..stride).any(|du| edges[(v * stride + dv) * k.width + u * stride + du]));
-            let Some(w) = block_mean(frame, u * stride, v * stride, stride) else {
-                continue;
+            near[i] = edges[v * width + u];
+            let w = match stride {
+                1 => inverse[v * width + u],
+                _ => block_mean(inverse, k.width, [u * stride, v * stride], stride),
             };
+            if w == 0.0 {
+                continue;
+            }
             let x = (u as f32 - level.cx) / level.fx;
             level.w[i] = w;
             level.tol[i] = epsilon * w / (x * x + y * y + 1.0).sqrt();
@@ -205,38 +219,44 @@ fn level(
     level
 }
 
-/// Mean inverse depth of a block; where it holds two surfaces, of the one with more readings. `None` when less than a
-/// quarter of the block has readings.
-fn block_mean(frame: &CameraFrame, u0: usize, v0: usize, stride: usize) -> Option<f32> {
-    let (mut near, mut far, mut count) = (f32::MAX, 0.0f32, 0usize);
-    let depth = frame.depth.data();
-    let width = frame.intrinsics.width;
-    let rows = || (v0..v0 + stride).map(|v| &depth[v * width + u0..v * width + u0 + stride]);
+/// Mean of a block of inverse depths; where it holds two surfaces, of the one with more readings. 0 when less than a quarter
+/// of the block has readings.
+fn block_mean(inverse: &[f32], pitch: usize, [u0, v0]: [usize; 2], stride: usize) -> f32 {
+    let rows = || (v0..v0 + stride).map(|v| &inverse[v * pitch + u0..][..stride]);
+    let (mut far, mut near, mut count, mut sum) = (f32::MAX, 0.0f32, 0usize, 0.0f32);
     for row in rows() {
-        for &z in row {
-            if is_reading(z) {
-                near = near.min(z);
-                far = far.max(z);
-                count += 1;
-            }
+        for &w in row {
+            far = if w > 0.0 && w < far { w } else { far };
+            near = if w > near { w } else { near };
+            count += usize::from(w > 0.0);
+            sum += w;
         }
     }
     if count == 0 || 4 * count < stride * stride {
-        return None;
+        return 0.0;
     }
+    let (nearest, farthest) = (1.0 / near, 1.0 / far);
+    if farthest - nearest < BLOCK_SPREAD {
+        return sum / count as f32;
+    }
+    let split = 2.0 / (nearest + farthest);
     let (mut sums, mut counts) = ([0.0f32; 2], [0u32; 2]);
-    let split = if far - near < BLOCK_SPREAD { f32::MAX } else { 0.5 * (near + far) };
-    for row in rows() {
-        for &z in row {
-            if is_reading(z) {
-                let side = usize::from(z > split);
-                sums[side] += 1.0 / z;
-                counts[side] += 1;
-            }
-        }
+    for &w in rows().flatten().filter(|w| **w > 0.0) {
+        let side = usize::from(w < split);
+        sums[side] += w;
+        counts[side] += 1;
     }
     let side = usize::from(counts[1] > counts[0]);
-    Some(sums[side] / counts[side] as f32)
+    sums[side] / counts[side] as f32
+}
+
+/// Blocks of two by two in which any is marked, of an image of this size.
+fn halved(marked: &[bool], [width, height]: [usize; 2]) -> Vec<bool> {
+    let any = |u: usize, v: usize| {
+        let at = 2 * v * width + 2 * u;
+        marked[at] | marked[at + 1] | marked[at + width] | marked[at + width + 1]
+    };
+    (0..height / 2).flat_map(|v| (0..width / 2).map(move |u| any(u, v))).collect()
 }
 
 /// Pixels at full resolution with a reading whose next reading to some side is farther by the jump.
