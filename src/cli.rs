@@ -29,6 +29,8 @@ pub enum Command {
     Estimate(EstimateArgs),
     /// Measure the errors of a results file against the truth of its data set.
     Eval(EvalArgs),
+    /// Draw a picture that explains the pose estimates of one image.
+    Explain(ExplainArgs),
     /// Draw how searches converge: error of the best pose against iterations and time.
     Convergence(ConvergenceArgs),
     /// List the objects and the set that is in use.
@@ -247,6 +249,36 @@ pub struct EvalArgs {
     #[arg(long)]
     pub paper: bool,
     /// Print the figures as JSON.
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// `grip explain`.
+#[derive(Debug, Args)]
+pub struct ExplainArgs {
+    /// Folder of the data set, in BOP's format.
+    pub dataset: PathBuf,
+    /// Pose estimates, a CSV file as the BOP challenge has it.
+    pub results: PathBuf,
+    /// Split, such as test or train_pbr [default: test, else the first there is].
+    #[arg(long)]
+    pub split: Option<String>,
+    /// Number of the scene.
+    #[arg(long, value_name = "S")]
+    pub scene: u32,
+    /// Number of the image.
+    #[arg(long, value_name = "I")]
+    pub image: u32,
+    /// Draw estimates with a confidence below 0.05, too; without it they are listed only.
+    #[arg(long)]
+    pub all: bool,
+    /// Draw the outlines of the truth, too, thin and dashed.
+    #[arg(long)]
+    pub truth: bool,
+    /// The picture, PNG; an older one is replaced.
+    #[arg(long, value_name = "FILE", default_value = "explain.png")]
+    pub out: PathBuf,
+    /// Print the figures of every estimate as JSON.
     #[arg(long)]
     pub json: bool,
 }

@@ -7,6 +7,7 @@ mod benchmark;
 mod cli;
 mod commands;
 mod dataset;
+mod explain;
 mod outcome;
 mod output;
 mod pictures;

@@ -107,17 +107,47 @@ pub fn sheet(pictures: &[RgbImage], columns: u32) -> RgbImage {
 /// Writes a line of text in the top left corner, white on black; characters beyond ASCII are left out.
 pub fn write_text(picture: &mut RgbImage, text: &str) {
     const HEIGHT: RasterHeight = RasterHeight::Size16;
-    let mut left = 0;
-    for letter in text.chars() {
-        let Some(raster) = get_raster(letter, FontWeight::Regular, HEIGHT) else { continue };
-        for (y, row) in (0..).zip(raster.raster()) {
+    fill(picture, [0, 0], [text_width(text, HEIGHT), HEIGHT.val() as u32], [0; 3]);
+    draw_text(picture, [0, 0], text, HEIGHT, FontWeight::Regular, [255; 3]);
+}
+
+/// Writes a line of text over the picture with its top left corner at `at`; what reaches out of the picture is cut off.
+pub fn draw_text(
+    picture: &mut RgbImage,
+    at: [u32; 2],
+    text: &str,
+    height: RasterHeight,
+    weight: FontWeight,
+    ink: [u8; 3],
+) {
+    let mut left = at[0];
+    for raster in text.chars().filter_map(|letter| get_raster(letter, weight, height)) {
+        for (y, row) in (at[1]..).zip(raster.raster()) {
             for (x, &value) in (left..).zip(row.iter()) {
-                if x < picture.width() && y < picture.height() {
-                    picture.put_pixel(x, y, image::Rgb([value; 3]));
+                if let Some(pixel) = picture.get_pixel_mut_checked(x, y) {
+                    for (channel, ink) in pixel.0.iter_mut().zip(ink) {
+                        let (below, above, share) = (u32::from(*channel), u32::from(ink), u32::from(value));
+                        *channel = ((below * (255 - share) + above * share + 127) / 255) as u8;
+                    }
                 }
             }
         }
         left += raster.width() as u32;
+    }
+}
+
+/// Width of a line of text, pixels.
+pub fn text_width(text: &str, height: RasterHeight) -> u32 {
+    let letters = text.chars().filter_map(|letter| get_raster(letter, FontWeight::Regular, height));
+    letters.map(|raster| raster.width() as u32).sum()
+}
+
+/// Fills a rectangle; what reaches out of the picture is cut off.
+pub fn fill(picture: &mut RgbImage, [left, top]: [u32; 2], [width, height]: [u32; 2], color: [u8; 3]) {
+    for y in top..(top + height).min(picture.height()) {
+        for x in left..(left + width).min(picture.width()) {
+            picture.put_pixel(x, y, image::Rgb(color));
+        }
     }
 }
 

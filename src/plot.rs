@@ -168,7 +168,7 @@ pub fn write(figure: &Figure, path: &Path) -> Result<()> {
 /// # Errors
 /// When `path` is a folder or in none.
 pub fn check_place(path: &Path) -> Result<()> {
-    anyhow::ensure!(!path.is_dir(), "{}: is a folder; give a file such as figure.svg", path.display());
+    anyhow::ensure!(!path.is_dir(), "{}: is a folder; give a file", path.display());
     let folder = path.parent().filter(|parent| !parent.as_os_str().is_empty()).unwrap_or(Path::new("."));
     anyhow::ensure!(
         folder.is_dir() && path.file_name().is_some(),

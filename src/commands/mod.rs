@@ -3,6 +3,7 @@
 mod convergence;
 mod estimate;
 mod eval;
+mod explain;
 mod objects;
 mod pack;
 mod render;
@@ -40,6 +41,7 @@ pub fn run(cli: Cli) -> anyhow::Result<Done> {
         Command::Scenes(args) => scenes::run(&args),
         Command::Estimate(args) => estimate::run(&args),
         Command::Eval(args) => eval::run(&args),
+        Command::Explain(args) => explain::run(&args),
         Command::Convergence(args) => convergence::run(&args),
         Command::Objects(args) => objects::run(&args),
         Command::Robot(args) => robot::run(&args),
