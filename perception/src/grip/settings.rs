@@ -1,4 +1,25 @@
 //! Settings of the filter, with the reason for each default.
+//!
+//! What each departure from the paper is worth, by leaving it out: area under the accuracy-threshold curve up to 4 cm, per
+//! cent, of ADD-S (all views, and those with clutter) and of ADD(-S), on 406 instances of `grip scenes --seed 510 --scenes 10`,
+//! boxes jittered by 10 % among four false ones, one seed of the estimator. Differences under a point are within the noise.
+//!
+//! | left out | setting | ADD-S | clutter | ADD(-S) |
+//! |---|---|---|---|---|
+//! | nothing | | 97.2 | 95.6 | 89.4 |
+//! | Gauss-Newton steps, four times the samples instead | `levels[].steps`, `final_steps` = 0 | 84.0 | 78.4 | 55.9 |
+//! | support plane | `plane` = null | 91.2 | 87.0 | 77.5 |
+//! | looking at objects together | `joint` = null | 94.2 | 90.3 | 86.8 |
+//! | silhouettes | `edge_weight` = 0 | 96.5 | 94.8 | 87.7 |
+//! | restarts | `max_restarts` = 1 | 96.7 | 95.1 | 87.7 |
+//! | half turns | `twins` = false | 97.1 | 95.5 | 87.6 |
+//! | colour | `colour` = null | 97.1 | 95.5 | 88.9 |
+//! | free space that is violated | `violation` = 0 | 97.2 | 95.7 | 88.9 |
+//! | hidden pixels are not held against a pose | `occlusion_discount` = 0 | 97.3 | 95.9 | 89.5 |
+//! | boxes in the score | `box_weight` = 0 | 97.4 | 96.2 | 89.3 |
+//! | resting poses | `resting_share` = 0 | 97.4 | 96.9 | 86.5 |
+//! | choosing proposals by their boxes | `oversampling` = 1 | 97.8 | 97.2 | 88.8 |
+//! | a kernel for real depth | `epsilon_m` = 0.005 | 97.7 | 96.8 | 87.3 |
 
 use serde::{Deserialize, Serialize};
 
