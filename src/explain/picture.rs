@@ -19,7 +19,7 @@ const LEAST_WIDTH: u32 = 600;
 const GAP: u32 = 12;
 /// Rows of the table; more are a matter for --json.
 const MOST_ROWS: usize = 30;
-/// Of a tag's centre from where it would be best, by outline pixel that it hides, pixels.
+/// How much farther from its best place a tag goes to hide one outline pixel less, pixels.
 const HIDING_COST: f64 = 0.5;
 
 /// The colours of Okabe and Ito, which the colour-blind tell apart; black is left out.
@@ -68,7 +68,10 @@ impl Explained {
         let [inlier, occluded, violated, hole] =
             self.shares.map_or([(); 4].map(|()| dash()), |shares| shares.values().map(percent));
         let covered = if self.drawn { self.covered_px.to_string() } else { "not drawn".to_owned() };
-        let median = self.median_residual_mm.map_or_else(dash, |mm| format!("{mm:+.1}"));
+        let median = self.median_residual_mm.map_or_else(dash, |mm| {
+            // So that what rounds to zero has one sign.
+            format!("{:+.1}", (10.0 * mm).round() / 10.0 + 0.0)
+        });
         [self.title(), format!("{:.3}", self.score), covered, inlier, occluded, violated, hole, median]
     }
 }
@@ -132,7 +135,7 @@ impl Explanation {
         let captions = [
             "Estimates, with their confidence".to_owned()
                 + if truth { "; thin and dashed: the TRUTH" } else { "" },
-            format!("Residual: observed minus rendered depth, up to {clip_mm} mm"),
+            format!("Residual: observed minus rendered depth, clipped at +-{clip_mm} mm"),
             format!("Verdict along each ray; inliers are within {} mm", 1e3 * INLIER_M),
         ];
         let panels = [self.outlines(&layout, truth), self.residuals(&layout), self.verdict_map(&layout)];
@@ -328,10 +331,11 @@ fn zoomed(k: &Intrinsics, times: usize) -> Intrinsics {
 
 /// The rim of a silhouette within a panel.
 struct Outline {
-    /// Walked along, from a start wherever the rim is broken; with the count of pixels before.
+    /// In the order of a walk along it.
     pixels: Vec<[i32; 2]>,
-    low: [i32; 2],
-    high: [i32; 2],
+    left: i32,
+    right: i32,
+    top: i32,
 }
 
 impl Outline {
@@ -360,12 +364,9 @@ impl Outline {
                 at = next;
             }
         }
-        let bound = |axis: usize, most: bool| {
-            let values = pixels.iter().map(|p| p[axis]);
-            if most { values.max() } else { values.min() }
-        };
-        let (low, high) = ([bound(0, false)?, bound(1, false)?], [bound(0, true)?, bound(1, true)?]);
-        Some(Self { pixels, low, high })
+        let (xs, ys) = (pixels.iter().map(|p| p[0]), pixels.iter().map(|p| p[1]));
+        let (left, right, top) = (xs.clone().min()?, xs.max()?, ys.min()?);
+        Some(Self { pixels, left, right, top })
     }
 
     /// Draws squares that reach `radius` pixels from the rim, in the colour of their place along it.
@@ -408,8 +409,8 @@ impl Tags {
         at(right, bottom) + at(left, top) - at(left, bottom) - at(right, top)
     }
 
-    /// Puts `text` on `color` near above the outline, with a line to it where that is not near; leaves it out where there
-    /// is no room at all.
+    /// Puts `text` on `color` near above the outline, with a line to its nearest point; leaves it out where there is no
+    /// room at all.
     fn place(
         &mut self,
         picture: &mut RgbImage,
@@ -419,8 +420,10 @@ impl Tags {
         color: [u8; 3],
     ) {
         let size = [text_width(text, layout.text) + 6, layout.text.val() as u32 + 2];
-        let middle = [0, 1].map(|axis| f64::from(outline.low[axis] + outline.high[axis]) / 2.0);
-        let best = [middle[0], f64::from(outline.low[1]) - f64::from(size[1]) / 2.0 - 4.0];
+        let best = [
+            f64::from(outline.left + outline.right) / 2.0,
+            f64::from(outline.top) - f64::from(size[1]) / 2.0 - 4.0,
+        ];
         let rectangle = |x: u32, y: u32| [x, y, x + size[0], y + size[1]];
         let apart = |a: [u32; 4], b: &[u32; 4]| a[2] < b[0] || b[2] < a[0] || a[3] < b[1] || b[3] < a[1];
         let grid = |axis: usize| (0..=self.panel[axis].saturating_sub(size[axis])).step_by(4);
@@ -434,10 +437,11 @@ impl Tags {
             (x - best[0]).hypot(y - best[1]) + HIDING_COST * f64::from(self.outline_pixels(*r))
         };
         let Some(r) = free.min_by(|a, b| cost(a).total_cmp(&cost(b))) else { return };
-        if (center(&r)[1] - best[1]).abs() > f64::from(size[1])
-            || (center(&r)[0] - best[0]).abs() > f64::from(size[0])
-        {
-            line(picture, center(&r), middle, color);
+        let [x, y] = center(&r);
+        let away = |p: &[f64; 2]| (p[0] - x).hypot(p[1] - y);
+        let rim = outline.pixels.iter().map(|p| p.map(f64::from));
+        if let Some(nearest) = rim.min_by(|a, b| away(a).total_cmp(&away(b))) {
+            line(picture, [x, y], nearest, color);
         }
         fill(picture, [r[0], r[1]], size, BLACK);
         fill(picture, [r[0] + 1, r[1] + 1], [size[0] - 2, size[1] - 2], color);
