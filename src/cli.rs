@@ -222,7 +222,7 @@ pub struct EstimateArgs {
 pub enum EstimatorChoice {
     /// Ours.
     Grip,
-    /// The filter of the GRIP paper to the letter; 400 iterations take minutes an image.
+    /// The filter of the GRIP paper to the letter; 400 iterations take about five seconds of one core a pose.
     Paper,
     /// The same with guards that the paper leaves out, without which it does not converge.
     PaperGuarded,

@@ -186,3 +186,27 @@ fn poses_are_the_same_on_any_number_of_threads_and_after_a_stop_and_their_errors
         assert!(!out.exists());
     }
 }
+
+#[test]
+fn objects_that_are_not_there_are_looked_for_and_not_believed() {
+    let folder = tempfile::tempdir().unwrap();
+    let set = data_set(folder.path());
+    let out = folder.path().join("absent.csv");
+    let args = ["estimate", set.to_str().unwrap(), "--boxes", "jittered", "--absent", "3", "--out"];
+    let output = grip(&[&args[..], &[out.to_str().unwrap()]].concat());
+    assert_eq!(code(&output), 0, "{}", stderr(&output));
+    let json = eval(&set, &out, &[]);
+    let presence = &json["presence"];
+    // Three in each of the two images; they are no estimates too many.
+    assert_eq!((&presence["absent"], &json["ignored"]), (&6.into(), &0.into()));
+    assert_eq!(presence["present"], json["all"]["estimated"]);
+    assert_eq!(poses(&out).len() as u64, 1 + 6 + presence["present"].as_u64().unwrap());
+    let auroc = presence["auroc"].as_f64().unwrap();
+    assert!(auroc > 0.9, "{presence}");
+    let roc = presence["roc"].as_array().unwrap();
+    assert_eq!(roc.last().unwrap(), &serde_json::json!([1.0, 1.0]));
+
+    let output = grip(&[&args[..5], &["101", "--out", out.to_str().unwrap()]].concat());
+    assert_eq!(code(&output), 2);
+    assert!(stderr(&output).contains("--absent"), "{}", stderr(&output));
+}
