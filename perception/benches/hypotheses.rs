@@ -1,6 +1,6 @@
 //! Speed of hypotheses, of the paper's iteration and of whole poses, by object and instruction set.
 //!
-//! `cargo bench -p grip-perception --features bench`; objects are 0.95 m from the camera, as in most figures of the
+//! `cargo bench -p grip-perception --features bench --bench hypotheses`; objects are 0.95 m from the camera, as in most figures of the
 //! literature, unless said.
 #![expect(clippy::unwrap_used, reason = "a bench")]
 
@@ -8,8 +8,11 @@ use std::path::Path;
 use std::sync::Arc;
 
 use divan::{Bencher, counter::ItemsCount};
+use grip_perception::hypotheses::Cpu;
 use grip_perception::workbench::Workbench;
-use grip_perception::{GripEstimator, PaperSettings, PoseEstimator};
+use grip_perception::{
+    GripEstimator, HypothesisRenderer, HypothesisRendererChoice, PaperSettings, PoseEstimator,
+};
 use grip_sim::objects::{ObjectLibrary, ObjectModel, ObjectSet};
 
 fn main() {
@@ -52,7 +55,7 @@ fn weigh<const STRIDE: usize>(bencher: Bencher<'_, '_>, name: &str) {
     let triangles = [1000, 200, 200, 60][STRIDE.trailing_zeros() as usize];
     bencher
         .counter(ItemsCount::new(SAMPLES))
-        .bench_local(|| bench.advance(Default::default(), STRIDE, triangles, 0));
+        .bench_local(|| bench.advance(&mut Cpu::default(), STRIDE, triangles, 0));
 }
 
 /// A Gauss-Newton step before it.
@@ -62,7 +65,17 @@ fn move_and_weigh<const STRIDE: usize>(bencher: Bencher<'_, '_>, name: &str) {
     let triangles = [1000, 200, 200, 60][STRIDE.trailing_zeros() as usize];
     bencher
         .counter(ItemsCount::new(SAMPLES))
-        .bench_local(|| bench.advance(Default::default(), STRIDE, triangles, 1));
+        .bench_local(|| bench.advance(&mut Cpu::default(), STRIDE, triangles, 1));
+}
+
+/// A step, drawing and comparing on the graphics adapter, a software driver where there is no other; nothing without one.
+#[divan::bench(consts = [1, 2, 4], sample_count = 10)]
+fn gpu_soup_can<const STRIDE: usize>(bencher: Bencher<'_, '_>) {
+    let Ok(gpu) = HypothesisRenderer::open(HypothesisRendererChoice::Gpu) else { return };
+    let (bench, mut session) = (bench("005_tomato_soup_can"), gpu.session());
+    bencher
+        .counter(ItemsCount::new(SAMPLES))
+        .bench_local(|| bench.advance(&mut *session, STRIDE, 200, 1).unwrap());
 }
 
 /// One iteration of the paper: 625 hypotheses, full likelihood, full resolution; one and two threads.

@@ -15,7 +15,7 @@ use rand_distr::{Distribution, StandardNormal};
 use crate::detector::{Detection, Detections};
 use crate::error::Result;
 use crate::grip::{Model, Prepared, small_rotation};
-use crate::hypotheses::{Batch, Cpu, Hypotheses, Isa, Observation, Raster, render_on};
+use crate::hypotheses::{Batch, Hypotheses, Isa, Observation, Raster, render_on};
 use crate::plane::PlaneSettings;
 use crate::{GripSettings, PaperSettings};
 
@@ -122,7 +122,13 @@ impl Workbench {
     ///
     /// # Errors
     /// None on the CPU.
-    pub fn advance(&self, isa: Isa, stride: usize, triangles: usize, steps: usize) -> Result<f32> {
+    pub fn advance(
+        &self,
+        renderer: &mut dyn Hypotheses,
+        stride: usize,
+        triangles: usize,
+        steps: usize,
+    ) -> Result<f32> {
         let batch = Batch {
             lod: self.model.lod(triangles),
             radius: self.model.radius,
@@ -134,8 +140,7 @@ impl Workbench {
             converged_m: 0.0,
         };
         let mut poses = self.poses.clone();
-        let mut cpu = Cpu::on(isa);
-        Ok(cpu.advance(&batch, &mut poses)?.iter().flatten().map(|r| r.terms.fit).sum())
+        Ok(renderer.advance(&batch, &mut poses)?.iter().flatten().map(|r| r.terms.fit).sum())
     }
 
     /// The frame as the paper's filter wants it.

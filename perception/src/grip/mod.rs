@@ -123,8 +123,7 @@ impl PoseEstimator for GripEstimator {
         check_frame(frame)?;
         let mut counts: Vec<usize> = self.settings.levels.iter().map(|l| l.triangles).collect();
         counts.extend(EXTRA_TRIANGLES);
-        let models: Vec<Arc<Model>> =
-            objects.par_iter().map(|object| self.models.get(object, &counts)).collect::<Result<_>>()?;
+        let models = self.models.all(objects, &counts)?;
         let observation = Observation::new(frame, &self.settings);
         let stream = |i: usize| stream("grip", &models, i);
         let mut results: Vec<Searched> = (0..models.len())

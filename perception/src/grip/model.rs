@@ -5,6 +5,7 @@ use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 use grip_sim::mesh::Visual;
 use grip_sim::objects::ObjectModel;
 use nalgebra::Vector3;
+use rayon::prelude::*;
 
 use super::colour::{Looks, Turns};
 use super::resting::{Resting, resting_orientations};
@@ -164,8 +165,13 @@ pub(crate) struct ModelCache {
 const CACHE_SIZE: usize = 64;
 
 impl ModelCache {
+    /// The prepared models of all `objects`, in their order.
+    pub fn all(&self, objects: &[Arc<ObjectModel>], counts: &[usize]) -> Result<Vec<Arc<Model>>> {
+        objects.par_iter().map(|object| self.get(object, counts)).collect()
+    }
+
     /// The prepared model of `object`, made now if it was not before.
-    pub fn get(&self, object: &Arc<ObjectModel>, counts: &[usize]) -> Result<Arc<Model>> {
+    fn get(&self, object: &Arc<ObjectModel>, counts: &[usize]) -> Result<Arc<Model>> {
         let lock = || self.entries.lock().unwrap_or_else(PoisonError::into_inner);
         let found =
             lock().iter().find(|(o, c, _)| Arc::ptr_eq(o, object) && c == counts).map(|(_, _, m)| m.clone());

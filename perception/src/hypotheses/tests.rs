@@ -109,26 +109,25 @@ fn settings() -> GripSettings {
 
 /// What the camera sees of a model before a wall 2 m away.
 pub(super) fn observe(model: &Model, pose: &Isometry3<f32>) -> Observation {
+    Observation::new(&shown(model, pose, 2.0), &settings())
+}
+
+/// A frame with the depth of a model before a wall that is so far away, metres, and without colour.
+pub(crate) fn shown(model: &Model, pose: &Isometry3<f32>, wall: f32) -> CameraFrame {
     let k = Intrinsics::FETCH;
     let mut frame = CameraFrame {
         rgb: RgbImage::new(640, 480),
-        depth: Image::filled(k.width, k.height, 2.0),
+        depth: Image::filled(k.width, k.height, wall),
         intrinsics: k,
         world_from_camera: Pose::identity(),
     };
     let blank = Observation::new(&frame, &settings());
     let mut raster = Raster::default();
     render(&mut raster, model.lod(1000), pose, blank.level(1), None).unwrap();
-    let tile = &raster.tile;
-    for y in 0..tile.height {
-        for x in 0..tile.width {
-            let w = tile.values()[tile.index(x, y)];
-            if w > 0.0 {
-                *frame.depth.at_mut((tile.u0 + x as i32) as usize, (tile.v0 + y as i32) as usize) = 1.0 / w;
-            }
-        }
+    for (u, v, w) in raster.tile.pixels() {
+        *frame.depth.at_mut(u as usize, v as usize) = 1.0 / w;
     }
-    Observation::new(&frame, &settings())
+    frame
 }
 
 pub(super) fn placed(x: f32, y: f32, z: f32, turn: Vector3<f32>) -> Isometry3<f32> {

@@ -3,12 +3,9 @@
 use std::f32::consts::{FRAC_PI_2, PI, TAU};
 use std::sync::Arc;
 
-use grip_sim::camera::Intrinsics;
 use grip_sim::frame::CameraFrame;
-use grip_sim::images::{Image, RgbImage};
 use grip_sim::mesh::{Material, Mesh, Visual};
 use grip_sim::objects::{Fragility, ObjectInfo, ObjectModel};
-use grip_sim::pose::Pose;
 use grip_sim::rng;
 use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
 use rand::RngExt;
@@ -17,7 +14,8 @@ use rand_distr::{Distribution, StandardNormal};
 use super::*;
 use crate::grip::search::Hypothesis;
 use crate::grip::{GripEstimator, GripSettings};
-use crate::hypotheses::{Cpu, Raster, render};
+use crate::hypotheses::Cpu;
+use crate::hypotheses::tests::shown;
 use crate::{Detection, Detections, PoseEstimator, PosePosterior};
 
 /// Linear RGB of a place on the surface, object frame.
@@ -149,25 +147,8 @@ const DAY: Light = Light { brightness: 1.0, tint: [1.0; 3], noise: 0.004, seed: 
 
 /// The model at a pose before a grey wall 1.5 m away, shaded from one side.
 fn frame(model: &Model, paint: Paint, pose: &Isometry3<f32>, light: Light) -> CameraFrame {
-    let k = Intrinsics::FETCH;
-    let mut frame = CameraFrame {
-        rgb: RgbImage::new(640, 480),
-        depth: Image::filled(k.width, k.height, 1.5),
-        intrinsics: k,
-        world_from_camera: Pose::identity(),
-    };
-    let blank = Observation::new(&frame, &grip_settings());
-    let mut raster = Raster::default();
-    render(&mut raster, model.lod(1000), pose, blank.level(1), None).unwrap();
-    let tile = &raster.tile;
-    for y in 0..tile.height {
-        for x in 0..tile.width {
-            let w = tile.values()[tile.index(x, y)];
-            if w > 0.0 {
-                *frame.depth.at_mut((tile.u0 + x as i32) as usize, (tile.v0 + y as i32) as usize) = 1.0 / w;
-            }
-        }
-    }
+    let mut frame = shown(model, pose, 1.5);
+    let k = frame.intrinsics;
     let mut random = rng::stream(light.seed, "picture");
     for v in 0..k.height {
         for u in 0..k.width {

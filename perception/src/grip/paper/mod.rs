@@ -71,10 +71,7 @@ impl PoseEstimator for PaperEstimator {
     ) -> Result<Vec<PosePosterior>> {
         check_frame(frame)?;
         let settings = &self.settings;
-        let models: Vec<Arc<Model>> = objects
-            .par_iter()
-            .map(|object| self.models.get(object, &[settings.triangles]))
-            .collect::<Result<_>>()?;
+        let models = self.models.all(objects, &[settings.triangles])?;
         let prepared = Prepared::new(settings, frame);
         Ok((0..models.len())
             .into_par_iter()

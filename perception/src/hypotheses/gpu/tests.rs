@@ -1,7 +1,6 @@
 //! The shader against the CPU, pose by pose.
 
 use std::sync::LazyLock;
-use std::time::Instant;
 
 use super::*;
 use nalgebra::Point3;
@@ -379,49 +378,4 @@ fn a_lost_device_is_an_error() {
     }
     let mut other = Gpu::new(gpu.renderer.clone());
     assert!(other.advance(&batch, &mut [truth]).is_err());
-}
-
-/// `cargo test --release -p grip-perception -- --ignored --nocapture a_batch_of_625`
-#[test]
-#[ignore = "a measurement"]
-fn a_batch_of_625() {
-    let Some(mut gpu) = gpu_or_skip("a_batch_of_625") else { return };
-    println!("{}", gpu.renderer.info());
-    println!("625 poses, milliseconds (least of 9)      stride  steps     cpu     gpu");
-    for (name, model, triangles) in [
-        ("ball of 10 cm, 200 triangles", sphere(0.05), 200),
-        ("ball of 10 cm, 1000 triangles", sphere(0.05), 1000),
-        ("box of 6 x 9 x 14 cm, 12 triangles", skew_box([0.06, 0.09, 0.14]), 12),
-    ] {
-        let truth = placed(0.02, 0.03, 0.95, Vector3::new(0.5, 0.4, 0.3));
-        let observation = observe(&model, &truth);
-        let start: Vec<Isometry3<f32>> = (0..625)
-            .map(|i| {
-                let x = i as f32;
-                let shift = 0.02 * Vector3::new(x.sin(), x.cos(), (2.0 * x).sin());
-                let tilt = 0.3 * Vector3::new((3.0 * x).cos(), x.sin(), (2.0 * x).cos());
-                Isometry3::from_parts(
-                    Translation3::from(truth.translation.vector + shift),
-                    UnitQuaternion::from_scaled_axis(tilt) * truth.rotation,
-                )
-            })
-            .collect();
-        for stride in [1, 2, 4] {
-            for steps in [0, 2] {
-                let batch = Batch { steps, lod: model.lod(triangles), ..batch(&model, &observation, stride) };
-                let time = |renderer: &mut dyn Hypotheses| {
-                    let mut best = f64::MAX;
-                    for _ in 0..10 {
-                        let mut poses = start.clone();
-                        let began = Instant::now();
-                        renderer.advance(&batch, &mut poses).unwrap();
-                        best = best.min(began.elapsed().as_secs_f64());
-                    }
-                    1e3 * best
-                };
-                let (cpu, gpu) = (time(&mut Cpu::default()), time(&mut gpu));
-                println!("{name:40} {stride:7} {steps:6} {cpu:7.2} {gpu:7.2}");
-            }
-        }
-    }
 }
