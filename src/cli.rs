@@ -25,6 +25,9 @@ pub enum Command {
     Render(RenderArgs),
     /// Make a BOP data set of the scene: the paper's adversarial set, or training data.
     Scenes(ScenesArgs),
+    /// Find objects by PyramidCNN, the first stage: boxes and heat maps of an image, or boxes of a data set and what they are
+    /// worth.
+    Detect(DetectArgs),
     /// Estimate the poses of a data set in BOP's format.
     Estimate(EstimateArgs),
     /// Measure the errors of a results file against the truth of its data set.
@@ -73,8 +76,10 @@ pub struct PackArgs {
     #[arg(long, value_enum, default_value_t = Estimator::Grip)]
     pub estimator: Estimator,
     /// Who proposes boxes.
-    #[arg(long, value_enum, default_value_t = Detector::Clusters)]
+    #[arg(long, value_enum, default_value_t = Detector::Pyramid)]
     pub detector: Detector,
+    #[command(flatten)]
+    pub network: DetectorArgs,
     /// Who renders pose hypotheses.
     #[arg(long, value_enum, default_value_t = Hypotheses::Cpu)]
     pub hypotheses: Hypotheses,
@@ -174,6 +179,50 @@ pub enum Format {
     Bop,
 }
 
+/// Which network the detector `pyramid` is.
+#[derive(Debug, Args)]
+pub struct DetectorArgs {
+    /// Another network for the detector: an ONNX file with a description of the same name beside it (.json).
+    #[arg(long, value_name = "ONNX")]
+    pub detector_model: Option<PathBuf>,
+    /// Execution providers of the native ONNX Runtime that ORT_DYLIB_PATH names, in order: cpu, cuda, tensorrt, rocm,
+    /// openvino, directml, coreml, xnnpack. Without ORT_DYLIB_PATH networks run in tract, which is built in.
+    #[arg(long, value_name = "LIST", value_delimiter = ',')]
+    pub providers: Vec<String>,
+}
+
+/// `grip detect`.
+#[derive(Debug, Args)]
+pub struct DetectArgs {
+    /// A picture (PNG or JPEG), or the folder of a data set in BOP's format.
+    #[arg(value_name = "IMAGE|DATASET")]
+    pub input: PathBuf,
+    #[command(flatten)]
+    pub network: DetectorArgs,
+    /// Split of the data set, such as test or train_pbr [default: test, else the first there is].
+    #[arg(long)]
+    pub split: Option<String>,
+    /// Boxes that are shown of a picture, the most confident of all objects.
+    #[arg(long, value_name = "N", default_value_t = 10, value_parser = clap::value_parser!(u32).range(0..=10_000))]
+    pub top: u32,
+    /// Draw heat maps, PNG: of a picture into this file, of a data set into this folder.
+    #[arg(long, value_name = "FILE|DIR")]
+    pub heatmaps: Option<PathBuf>,
+    /// Write the boxes of a data set to this file, the 100 most confident of each object and image, in COCO's format: for
+    /// `grip estimate --boxes FILE` and others' tools.
+    #[arg(long, value_name = "FILE")]
+    pub out: Option<PathBuf>,
+    /// Leave out boxes with a lower confidence: what GRIP does not do, to see what a threshold costs.
+    #[arg(long, value_name = "C", default_value_t = 0.0)]
+    pub least_confidence: f64,
+    /// Threads [default: all cores].
+    #[arg(long, value_parser = clap::value_parser!(u32).range(1..=1024))]
+    pub jobs: Option<u32>,
+    /// Print the figures as JSON.
+    #[arg(long)]
+    pub json: bool,
+}
+
 /// `grip estimate`.
 #[derive(Debug, Args)]
 pub struct EstimateArgs {
@@ -182,10 +231,13 @@ pub struct EstimateArgs {
     /// Split, such as test or train_pbr [default: test, else the first there is].
     #[arg(long)]
     pub split: Option<String>,
-    /// Where to look for objects: `gt` (boxes of the truth), `jittered` (those moved by 10 % of their sides, among four
-    /// false ones each), `clusters` (what stands on the support), `none`, or a .json file of detections in COCO's format.
-    #[arg(long, default_value = "clusters", value_name = "gt|jittered|clusters|none|FILE")]
+    /// Where to look for objects: `pyramid` (PyramidCNN's boxes), `clusters` (what stands on the support), `none`, `gt` (boxes
+    /// of the truth), `jittered` (those moved by 10 % of their sides, among four false ones each), or a .json file of
+    /// detections in COCO's format.
+    #[arg(long, default_value = "pyramid", value_name = "pyramid|clusters|none|gt|jittered|FILE")]
     pub boxes: String,
+    #[command(flatten)]
+    pub network: DetectorArgs,
     /// Who estimates.
     #[arg(long, value_enum, default_value_t = EstimatorChoice::Grip)]
     pub estimator: EstimatorChoice,
@@ -308,8 +360,10 @@ pub struct ConvergenceArgs {
     #[arg(long, value_name = "N", default_value_t = 3, value_parser = clap::value_parser!(u64).range(1..=1000))]
     pub seeds: u64,
     /// Where to look for objects, as for `grip estimate`.
-    #[arg(long, default_value = "jittered", value_name = "gt|jittered|clusters|none|FILE")]
+    #[arg(long, default_value = "jittered", value_name = "pyramid|clusters|none|gt|jittered|FILE")]
     pub boxes: String,
+    #[command(flatten)]
+    pub network: DetectorArgs,
     /// The figure, SVG; an older one is replaced.
     #[arg(long, value_name = "FILE", default_value = "convergence.svg")]
     pub out: PathBuf,
@@ -417,6 +471,8 @@ pub enum Estimator {
 /// Who proposes boxes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum Detector {
+    /// PyramidCNN: boxes of each object from the colour image.
+    Pyramid,
     /// A class-agnostic box for each cluster of depth above the table.
     Clusters,
     /// No proposals: a uniform prior.
@@ -437,6 +493,7 @@ impl Detector {
     /// As on the command line and in outputs.
     pub fn name(self) -> &'static str {
         match self {
+            Self::Pyramid => "pyramid",
             Self::Clusters => "clusters",
             Self::None => "none",
         }

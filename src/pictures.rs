@@ -1,9 +1,13 @@
 //! Pictures for people and files for tools: colour, depth, labels and overlays as PNG bytes.
 
+mod heatmaps;
+
 use anyhow::{Context, Result};
 use grip_sim::images::{DepthImage, LabelImage, RgbImage};
 use image::{ExtendedColorType, ImageEncoder, codecs::png::PngEncoder};
 use noto_sans_mono_bitmap::{FontWeight, RasterHeight, get_raster};
+
+pub use heatmaps::heatmaps;
 
 /// Depth is drawn over this range, metres: what a head camera sees of a table.
 const DRAWN_DEPTH_M: [f32; 2] = [0.5, 1.8];

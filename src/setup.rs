@@ -7,7 +7,7 @@ use anyhow::{Context, Result};
 use grip_manip::{BeliefScene, BinGeometry, Planner, PlannerSettings};
 use grip_perception::{
     ClusterSettings, Clusters, Detection, Detections, GripEstimator, GripSettings, HypothesisRenderer,
-    Workspace,
+    Providers, PyramidCnn, Workspace,
 };
 use grip_sim::camera::Intrinsics;
 use grip_sim::condition::{Condition, ConditionSpec};
@@ -25,7 +25,7 @@ use rand::RngExt;
 use rayon::prelude::*;
 
 use crate::assets;
-use crate::cli::SceneArgs;
+use crate::cli::{DetectorArgs, SceneArgs};
 
 /// A resolved scene: nothing in it depends on the command line or the file system any more.
 pub struct Setup {
@@ -281,6 +281,22 @@ fn open_library(ycb: Option<PathBuf>, folder: &Path) -> Result<ObjectLibrary> {
 /// The object library without a scene.
 pub fn library(ycb: Option<PathBuf>) -> Result<ObjectLibrary> {
     Ok(ObjectLibrary::open(&assets::find("scenes/objects.toml")?, resolve_set(ycb))?)
+}
+
+/// The network of the detector `pyramid`.
+pub fn network(args: &DetectorArgs) -> Result<PyramidCnn> {
+    let providers = Providers(args.providers.clone());
+    Ok(match &args.detector_model {
+        Some(path) => PyramidCnn::open(path, &providers)?,
+        None => PyramidCnn::built_in(&providers)?,
+    })
+}
+
+/// Refuses options of the network where another detector is asked for.
+pub fn check_network_is_used(args: &DetectorArgs, used: bool, by: &str) -> Result<()> {
+    let given = args.detector_model.is_some() || !args.providers.is_empty();
+    anyhow::ensure!(used || !given, "--detector-model and --providers are for {by}; leave them out");
+    Ok(())
 }
 
 /// A path to a file, or a name in the folder `conditions` beside the scene, else in the project's own.

@@ -7,7 +7,7 @@ use std::time::Instant;
 use anyhow::{Context, Result};
 use grip_manip::executor::{ExecStage, ExecutionReport, ExecutorSettings, execute, execute_motion};
 use grip_manip::{BeliefScene, BelievedObject, PickPlacePlan, PlanStage, Planner, pick_order};
-use grip_perception::{Detector, PoseEstimator, PosePosterior, WholeImage};
+use grip_perception::{Detector, PoseEstimator, PosePosterior};
 use grip_sim::frame::CameraFrame;
 use grip_sim::images::RgbImage;
 use grip_sim::physics::{Grip, STEP_HZ, World};
@@ -45,8 +45,6 @@ const AT_REST_M_S: f64 = 0.01;
 pub struct Spec {
     /// Who estimates poses.
     pub estimator: cli::Estimator,
-    /// Who proposes boxes.
-    pub detector: cli::Detector,
     /// How many of the scene's objects are to be packed; the rest is clutter.
     pub items: usize,
 }
@@ -108,16 +106,18 @@ impl Ledger {
 ///
 /// # Errors
 /// When rendering, estimation or the world fails; a failed grasp is a result, not an error.
-pub fn run(setup: &Setup, spec: Spec, renderer: &mut dyn Renderer, progress: &ProgressBar) -> Result<Trial> {
+pub fn run(
+    setup: &Setup,
+    spec: Spec,
+    detector: &dyn Detector,
+    renderer: &mut dyn Renderer,
+    progress: &ProgressBar,
+) -> Result<Trial> {
     let started = Instant::now();
     progress.set_message("settling the scene");
     let (mut world, dropped) = setup.drop_objects()?;
     log::info!("scene settled in {:.1} s, {} layouts rejected", dropped.settle_s, dropped.rejected.len());
 
-    let detector: Box<dyn Detector> = match spec.detector {
-        cli::Detector::Clusters => Box::new(setup.clusters()),
-        cli::Detector::None => Box::new(WholeImage),
-    };
     let grip = setup.grip()?;
     let planner = setup.planner();
     let mut ledgers = vec![Ledger::default(); setup.models.len()];
@@ -143,7 +143,7 @@ pub fn run(setup: &Setup, spec: Spec, renderer: &mut dyn Renderer, progress: &Pr
         let out: Vec<usize> = (0..ledgers.len()).filter(|&i| ledgers[i].believed_packed.is_none()).collect();
         let posteriors = match spec.estimator {
             cli::Estimator::Truth => truth::posteriors(&world, &frame, &out),
-            cli::Estimator::Grip => estimate(setup, detector.as_ref(), &grip, &frame, &out, look)?,
+            cli::Estimator::Grip => estimate(setup, detector, &grip, &frame, &out, look)?,
         };
         let mut errors = vec![None; ledgers.len()];
         for (&i, posterior) in out.iter().zip(&posteriors) {
@@ -254,7 +254,7 @@ pub fn run(setup: &Setup, spec: Spec, renderer: &mut dyn Renderer, progress: &Pr
         scene: setup.scene.name.clone(),
         condition: setup.condition.name.clone(),
         estimator: spec.estimator.name(),
-        detector: spec.detector.name(),
+        detector: detector.name(),
         object_set: setup.library.set().label(),
         renderer: renderer.name(),
         hypotheses: setup.hypotheses.name(),

@@ -57,7 +57,7 @@ fn the_same_seed_gives_the_same_trial_and_the_schema_holds() {
     assert_eq!(first["scene"], "grocery");
     assert_eq!(first["condition"], "base");
     assert_eq!(first["estimator"], "grip");
-    assert_eq!(first["detector"], "clusters");
+    assert_eq!(first["detector"], "pyramid");
     assert_eq!(first["hypotheses"], "cpu");
     assert_eq!(first["object_set"], "built-in");
     assert_eq!(first["requested"], 2);

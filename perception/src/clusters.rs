@@ -163,7 +163,7 @@ impl Detector for Clusters {
         if boxes.is_empty() {
             boxes.push([0.0, 0.0, frame.intrinsics.width as f64 - 1.0, frame.intrinsics.height as f64 - 1.0]);
         }
-        let confidence = 1.0 / boxes.len() as f64;
+        let confidence = 1.0;
         let mut detections = Detections::new();
         for object in objects {
             if detections.of(&object.info.name).is_empty() {

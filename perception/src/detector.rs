@@ -17,7 +17,8 @@ use crate::error::{Error, Result};
 pub struct Detection {
     /// `[u0, v0, u1, v1]`, pixels, `u0 <= u1`, `v0 <= v1`.
     pub bbox: [f64; 4],
-    /// Any non-negative number; only ratios within one object matter.
+    /// How likely the object is in it, 0 to 1. Boxes are drawn in proportion to it, so any other non-negative number will do for
+    /// that; in scores, what is over 1 counts as 1.
     pub confidence: f64,
 }
 

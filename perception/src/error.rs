@@ -18,6 +18,12 @@ pub enum Error {
         /// What is wrong with it and what to try.
         message: String,
     },
+    /// A network that cannot be loaded or run, or does not know an object.
+    #[error("detector: {0}")]
+    Detector(
+        /// Which file, what is wrong with it, and what to try.
+        String,
+    ),
     /// No graphics adapter, or it failed.
     #[error("hypotheses on the GPU: {0}")]
     Gpu(

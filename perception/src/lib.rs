@@ -2,7 +2,7 @@
 //! Inference and Perception for Semantic Robot Manipulation in Adversarial Environments", IROS 2019).
 //!
 //! 1. A [`Detector`] says where in the image an object may be: [`Detections`] is the whole distribution over boxes,
-//!    nothing is thresholded. [`Clusters`] needs no training; [`WholeImage`] says nothing.
+//!    nothing is thresholded. [`PyramidCnn`] is the paper's; [`Clusters`] needs no training; [`WholeImage`] says nothing.
 //! 2. A [`PoseEstimator`] generates pose hypotheses there, renders each as a depth image, weighs it against the
 //!    observed one and keeps what explains it: [`GripEstimator`] returns a [`PosePosterior`] for each object.
 //!    [`PaperEstimator`] is the published method to the letter, for comparison.
@@ -22,6 +22,7 @@ pub mod hypotheses;
 pub mod metrics;
 mod plane;
 mod posterior;
+mod pyramid;
 #[cfg(feature = "bench")]
 pub mod workbench;
 
@@ -37,3 +38,4 @@ pub use grip::{
 pub use hypotheses::{HypothesisRenderer, HypothesisRendererChoice};
 pub use plane::{Plane, PlaneSettings, Support, fit_support_plane};
 pub use posterior::{Mode, PosePosterior, TracePoint};
+pub use pyramid::{DetectorDescription, HeatMap, HeatMaps, KnownObject, Providers, PyramidCnn};

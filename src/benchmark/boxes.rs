@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use anyhow::{Context, Result};
-use grip_perception::{Clusters, Detection, Detections, Detector, WholeImage};
+use grip_perception::{Clusters, Detection, Detections, Detector, PyramidCnn, WholeImage};
 use grip_sim::bop::{BopFrame, GroundTruth};
 use grip_sim::camera::Intrinsics;
 use grip_sim::frame::CameraFrame;
@@ -13,7 +13,10 @@ use grip_sim::objects::ObjectModel;
 use grip_sim::rng;
 use rand::{Rng, RngExt};
 use rand_distr::{Distribution, StandardNormal};
-use serde::Deserialize;
+use serde::{Deserialize, Serialize};
+
+use crate::cli::DetectorArgs;
+use crate::setup;
 
 /// Standard deviation by which each side of a jittered box moves, as a share of the box's width or height.
 const JITTER: f64 = 0.1;
@@ -26,6 +29,8 @@ pub enum Boxes {
     Truth,
     /// The truth's with their sides moved, among false ones that are believed as much: what a mediocre detector says.
     Jittered,
+    /// PyramidCNN's.
+    Pyramid(Box<PyramidCnn>),
     /// Whatever stands on the support plane.
     Clusters(Clusters),
     /// The whole image.
@@ -35,23 +40,26 @@ pub enum Boxes {
 }
 
 /// One entry of a detection file in COCO's result format, as BOP's default detections are.
-#[derive(Debug, Clone, Deserialize)]
+#[derive(Debug, Clone, Deserialize, Serialize)]
 pub struct FileBox {
-    scene_id: u32,
-    image_id: u32,
-    category_id: u32,
+    pub scene_id: u32,
+    pub image_id: u32,
+    /// The object's number.
+    pub category_id: u32,
     /// Left, top, width, height, pixels.
-    bbox: [f64; 4],
-    score: f64,
+    pub bbox: [f64; 4],
+    pub score: f64,
 }
 
 impl Boxes {
-    /// `gt`, `jittered`, `clusters`, `none`, or the path of a file.
+    /// `pyramid`, `clusters`, `none`, `gt`, `jittered`, or the path of a file.
     ///
     /// # Errors
-    /// When it is none of these, or the file cannot be read.
-    pub fn open(name: &str, clusters: Clusters) -> Result<Self> {
+    /// When it is none of these, the file cannot be read, or the network not be loaded.
+    pub fn open(name: &str, clusters: Clusters, detector: &DetectorArgs) -> Result<Self> {
+        setup::check_network_is_used(detector, name == "pyramid", "--boxes pyramid")?;
         Ok(match name {
+            "pyramid" => Self::Pyramid(Box::new(setup::network(detector)?)),
             "gt" => Self::Truth,
             "jittered" => Self::Jittered,
             "clusters" => Self::Clusters(clusters),
@@ -60,11 +68,32 @@ impl Boxes {
                 let path = PathBuf::from(file);
                 anyhow::ensure!(
                     path.extension().is_some(),
-                    "--boxes {file}: must be gt, jittered, clusters, none, or a .json file of detections"
+                    "--boxes {file}: must be pyramid, clusters, none, gt, jittered, or a .json file of detections"
                 );
                 Self::File(read(&path)?)
             }
         })
+    }
+
+    /// Which network proposes them, and who runs it.
+    pub fn network(&self) -> Option<String> {
+        match self {
+            Self::Pyramid(network) => Some(network.to_string()),
+            _ => None,
+        }
+    }
+
+    /// Whether boxes of these objects can be proposed.
+    ///
+    /// # Errors
+    /// When the network does not know one.
+    pub fn check<'a>(&self, models: impl IntoIterator<Item = &'a Arc<ObjectModel>>) -> Result<()> {
+        if let Self::Pyramid(network) = self {
+            for model in models {
+                network.class_of(model)?;
+            }
+        }
+        Ok(())
     }
 
     /// The boxes of one image for `objects`, which are the models of `ids`.
@@ -83,6 +112,7 @@ impl Boxes {
             detections.push(&object.info.name, Detection { bbox, confidence })
         };
         match self {
+            Self::Pyramid(network) => return Ok(network.detect(frame, objects)?),
             Self::Clusters(clusters) => return Ok(clusters.detect(frame, objects)?),
             Self::None => return Ok(WholeImage.detect(frame, objects)?),
             Self::Truth | Self::Jittered => {
@@ -129,7 +159,15 @@ impl Boxes {
                         continue;
                     };
                     let [x, y, w, h] = entry.bbox;
-                    add(object, [x, y, x + w, y + h], entry.score)?;
+                    // From edges of pixels to the centres of the first and the last one.
+                    let last =
+                        |at: f64, side: f64| if side >= 0.0 { at + (side - 1.0).max(0.0) } else { f64::NAN };
+                    add(object, [x, y, last(x, w), last(y, h)], entry.score).with_context(|| {
+                        format!(
+                            "bbox {:?}, score {} of scene {}, image {}",
+                            entry.bbox, entry.score, bop.scene_id, bop.im_id
+                        )
+                    })?;
                 }
             }
         }
@@ -157,8 +195,9 @@ fn read(path: &Path) -> Result<HashMap<(u32, u32), Vec<FileBox>>> {
 /// The box of what is seen of an instance, else of its whole projection; `None` where it is out of sight.
 fn true_box(truth: &GroundTruth, object: &ObjectModel, k: &Intrinsics) -> Option<[f64; 4]> {
     if let Some(info) = &truth.info {
+        // BOP's boxes reach from the first pixel to the last one; what is out of sight has -1.
         let [x, y, w, h] = info.bbox_visib.map(f64::from);
-        return (w > 0.0 && h > 0.0).then_some([x, y, x + w - 1.0, y + h - 1.0]);
+        return (w >= 0.0 && h >= 0.0).then_some([x, y, x + w, y + h]);
     }
     let mut bounds = [f64::INFINITY, f64::INFINITY, f64::NEG_INFINITY, f64::NEG_INFINITY];
     for point in &object.visual.mesh.positions {

@@ -72,6 +72,8 @@ impl Run<'_> {
             .map(|id| Ok((id, objects::load(self.dataset, id)?)))
             .collect::<Result<_>>()?;
 
+        self.boxes.check(models.values())?;
+
         let partial = partial_path(out)?;
         let mut done = if resume { self.resumed(&partial, &wanted)? } else { Done::new() };
         let missing: Vec<((u32, u32), &Wanted)> =

@@ -183,7 +183,7 @@ pub fn evaluate(dataset: &Dataset, estimates: &[Estimate]) -> Result<Evaluation>
         .flatten()
         .collect();
     let presence = presence(dataset, estimates, &cases)?;
-    let names = conditions(dataset)?;
+    let names = views(dataset)?;
     let mut objects: BTreeMap<u32, Vec<Case>> = BTreeMap::new();
     let mut by_condition: BTreeMap<String, Vec<Case>> = BTreeMap::new();
     for case in &cases {
@@ -261,7 +261,7 @@ pub(super) fn bootstrap<T: Clone>(
 }
 
 /// Names of the views, by scene and image, where the scenes have our `scene_info.json`.
-fn conditions(dataset: &Dataset) -> Result<HashMap<(u32, u32), String>> {
+pub fn views(dataset: &Dataset) -> Result<HashMap<(u32, u32), String>> {
     #[derive(Deserialize)]
     struct SceneInfo {
         frames: Vec<FrameInfo>,

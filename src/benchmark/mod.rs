@@ -3,6 +3,7 @@
 mod accuracy;
 mod boxes;
 mod convergence;
+mod detection;
 mod estimates;
 mod evaluation;
 mod objects;
@@ -11,10 +12,12 @@ mod presence;
 mod published;
 
 pub use accuracy::figure as accuracy_figure;
-pub use boxes::Boxes;
+pub use boxes::{Boxes, FileBox};
 pub use convergence::{Contender, Convergence, Searches};
+pub use detection::{DetectionFigures, MOST_BOXES, ObjectImage, measure, truth_boxes};
 pub use estimates::{Estimated, Run};
-pub use evaluation::{Case, Evaluation, Figures, THRESHOLDS, evaluate};
+pub use evaluation::{Case, Evaluation, Figures, THRESHOLDS, evaluate, views};
+pub use objects::load as load_object;
 pub use paper::{Area, PaperTable};
 pub use presence::Presence;
 pub use published::METHODS;

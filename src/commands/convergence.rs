@@ -23,7 +23,7 @@ pub fn run(args: &ConvergenceArgs) -> Result<Done> {
     let dataset = Dataset::open(&args.dataset, args.split.as_deref())?;
     let plane = plane(&args.dataset);
     let clusters = Clusters::new(ClusterSettings { plane: plane.clone(), ..ClusterSettings::default() });
-    let boxes = Boxes::open(&args.boxes, clusters)?;
+    let boxes = Boxes::open(&args.boxes, clusters, &args.network)?;
     let (mut contenders, mut settings) = (Vec::new(), Vec::new());
     for choice in &args.estimator {
         let file = choice.settings.as_deref();

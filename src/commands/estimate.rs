@@ -24,7 +24,7 @@ pub fn run(args: &EstimateArgs) -> Result<Done> {
     let dataset = Dataset::open(&args.dataset, args.split.as_deref())?;
     let plane = plane(&args.dataset);
     let clusters = Clusters::new(ClusterSettings { plane: plane.clone(), ..ClusterSettings::default() });
-    let boxes = Boxes::open(&args.boxes, clusters)?;
+    let boxes = Boxes::open(&args.boxes, clusters, &args.network)?;
     anyhow::ensure!(
         args.estimator == EstimatorChoice::Grip || args.hypotheses != Hypotheses::Gpu,
         "--hypotheses gpu: the paper's filter renders on the CPU only; leave it out, or use --estimator grip"
@@ -39,6 +39,7 @@ pub fn run(args: &EstimateArgs) -> Result<Done> {
         "dataset": args.dataset,
         "split": dataset.split(),
         "boxes": args.boxes,
+        "network": boxes.network(),
         "absent": args.absent,
         "seed": args.seed,
         "estimator": estimator.name(),

@@ -1,6 +1,7 @@
 //! The verbs, a file each.
 
 mod convergence;
+mod detect;
 mod estimate;
 mod eval;
 mod explain;
@@ -39,6 +40,7 @@ pub fn run(cli: Cli) -> anyhow::Result<Done> {
         Command::Pack(args) => pack::run(&args),
         Command::Render(args) => render::run(&args),
         Command::Scenes(args) => scenes::run(&args),
+        Command::Detect(args) => detect::run(&args),
         Command::Estimate(args) => estimate::run(&args),
         Command::Eval(args) => eval::run(&args),
         Command::Explain(args) => explain::run(&args),

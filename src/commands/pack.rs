@@ -4,7 +4,7 @@ use std::path::PathBuf;
 use std::time::Duration;
 
 use anyhow::{Result, ensure};
-use grip_perception::HypothesisRenderer;
+use grip_perception::{HypothesisRenderer, WholeImage};
 use grip_sim::objects::ObjectSet;
 use grip_sim::render;
 use indicatif::{ProgressBar, ProgressStyle};
@@ -13,7 +13,7 @@ use super::Done;
 use crate::cli::{Detector, Estimator, PackArgs};
 use crate::outcome::TrialResult;
 use crate::run_dir::RunDir;
-use crate::setup::Setup;
+use crate::setup::{self, Setup};
 use crate::trial::{self, Spec, Trial};
 use crate::{output, pictures, report};
 
@@ -32,15 +32,28 @@ pub fn run(args: &PackArgs) -> Result<Done> {
     let most = setup.models.len();
     let items = args.items.unwrap_or(most);
     ensure!((1..=most).contains(&items), "--items {items}: the scene has {most} objects; give 1 to {most}");
-    let spec = Spec { estimator: args.estimator, detector: args.detector, items };
+    let spec = Spec { estimator: args.estimator, items };
+    setup::check_network_is_used(&args.network, uses_network(args), "--detector pyramid")?;
+    let mut network = None;
+    let detector: Box<dyn grip_perception::Detector> = match args.detector {
+        Detector::Pyramid if uses_network(args) => {
+            let pyramid = setup::network(&args.network)?;
+            network = Some(pyramid.to_string());
+            Box::new(pyramid)
+        }
+        // The truth needs no boxes.
+        Detector::Pyramid => Box::new(WholeImage),
+        Detector::Clusters => Box::new(setup.clusters()),
+        Detector::None => Box::new(WholeImage),
+    };
 
     let mut renderer = render::open(args.scene.renderer.into())?;
     let progress = spinner();
-    let trial = trial::run(&setup, spec, renderer.as_mut(), &progress);
+    let trial = trial::run(&setup, spec, detector.as_ref(), renderer.as_mut(), &progress);
     progress.finish_and_clear();
     let trial = trial?;
 
-    save(&run, &setup, args, &trial)?;
+    save(&run, &setup, args, network, &trial)?;
     let folder = run.finish()?;
     if args.json {
         output::data(format_args!("{}", serde_json::to_string_pretty(&trial.result)?))?;
@@ -55,8 +68,11 @@ pub fn run(args: &PackArgs) -> Result<Done> {
 fn default_folder(args: &PackArgs, setup: &Setup) -> PathBuf {
     let mut parts =
         vec![setup.scene.name.clone(), setup.condition.name.clone(), args.estimator.name().into()];
-    if args.detector == Detector::None {
+    if args.detector != Detector::Pyramid {
         parts.push(args.detector.name().into());
+    }
+    if let Some(model) = &args.network.detector_model {
+        parts.push(model.file_stem().unwrap_or_default().to_string_lossy().into_owned());
     }
     if setup.library.set() != &ObjectSet::BuiltIn {
         parts.push(setup.library.set().label().into());
@@ -81,13 +97,18 @@ fn spinner() -> ProgressBar {
     progress
 }
 
-fn save(run: &RunDir, setup: &Setup, args: &PackArgs, trial: &Trial) -> Result<()> {
+fn uses_network(args: &PackArgs) -> bool {
+    args.estimator == Estimator::Grip && args.detector == Detector::Pyramid
+}
+
+fn save(run: &RunDir, setup: &Setup, args: &PackArgs, network: Option<String>, trial: &Trial) -> Result<()> {
     let scenario = serde_json::json!({
         "schema": "grip.scenario/1",
         "program": env!("CARGO_PKG_VERSION"),
         "seed": setup.seed,
         "estimator": args.estimator.name(),
         "detector": args.detector.name(),
+        "network": network,
         "items": trial.result.requested,
         "object_set": setup.library.set().label(),
         "renderer": trial.result.renderer,

@@ -18,7 +18,7 @@ pub fn grip(args: &[&str]) -> Output {
 /// The same with a fixed number of threads.
 pub fn grip_on_threads(args: &[&str], threads: Option<usize>) -> Output {
     let mut command = Command::new(env!("CARGO_BIN_EXE_grip"));
-    command.args(args).current_dir(root()).env_remove("GRIP_YCB_DIR");
+    command.args(args).current_dir(root()).env_remove("GRIP_YCB_DIR").env_remove("ORT_DYLIB_PATH");
     if let Some(threads) = threads {
         command.env("RAYON_NUM_THREADS", threads.to_string());
     }

@@ -100,7 +100,7 @@ impl GripEstimator {
         stream: &str,
     ) -> Result<Searched> {
         let start = Instant::now();
-        let boxes = box_priors(boxes, observation);
+        let boxes = box_priors(boxes, observation, self.settings.anywhere);
         let mut rng = rng::stream(seed, stream);
         let mut renderer = self.renderer.session();
         let found = Search::new(model, observation, &boxes, &self.settings, &mut *renderer).run(&mut rng)?;
@@ -169,7 +169,7 @@ impl GripEstimator {
         let decided = |(model, (found, seconds)): (&Arc<Model>, &mut Searched)| {
             let (Some((settings, picture)), Some(found)) = (&picture, found) else { return Ok(None) };
             let start = Instant::now();
-            let boxes = box_priors(detections.of(&model.name), observation);
+            let boxes = box_priors(detections.of(&model.name), observation, self.settings.anywhere);
             let mut renderer = self.renderer.session();
             let mut search = Search::new(model, observation, &boxes, &self.settings, &mut *renderer);
             let verdict = colour::decide(model, found, observation, picture, &mut search, settings);
@@ -191,7 +191,7 @@ impl GripEstimator {
     ) -> Result<Vec<BTreeMap<String, f64>>> {
         let terms = |(model, (found, _)): (&Arc<Model>, &Searched)| {
             let Some(found) = found else { return Ok(BTreeMap::new()) };
-            let boxes = box_priors(detections.of(&model.name), observation);
+            let boxes = box_priors(detections.of(&model.name), observation, self.settings.anywhere);
             let mut renderer = self.renderer.session();
             Search::new(model, observation, &boxes, &self.settings, &mut *renderer).terms(&found.best.pose)
         };

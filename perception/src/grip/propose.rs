@@ -24,8 +24,10 @@ const TILT: f32 = 0.03;
 #[derive(Debug, Clone)]
 pub(crate) struct BoxPrior {
     pub bbox: [f64; 4],
-    /// Relative to the best box of the object, 0 to 1.
+    /// 0 to 1.
     pub confidence: f64,
+    /// Share of the proposals that are drawn from it.
+    pub share: f64,
     pub vague: bool,
     /// Observed points in it that may be an object's: optical frame, metres.
     points: Vec<Vector3<f32>>,
@@ -38,26 +40,43 @@ impl BoxPrior {
     }
 }
 
-/// The boxes of one object with the observed points in each. Without any box the whole image is one.
-pub(crate) fn box_priors(detections: &[Detection], observation: &Observation) -> Vec<BoxPrior> {
+/// The boxes of one object with the observed points in each, the most confident first, and last the whole image: an object is
+/// anywhere with the probability that the best box does not have, and at least with that of `anywhere`.
+pub(crate) fn box_priors(
+    detections: &[Detection],
+    observation: &Observation,
+    anywhere: f64,
+) -> Vec<BoxPrior> {
     let k = &observation.intrinsics;
-    let whole = Detection { bbox: [0.0, 0.0, k.width as f64 - 1.0, k.height as f64 - 1.0], confidence: 1.0 };
-    let detections = if detections.is_empty() { std::slice::from_ref(&whole) } else { detections };
-    let most = detections.iter().map(|d| d.confidence).fold(0.0, f64::max);
-    let image = (k.width * k.height) as f64;
-    detections
+    let (width, height) = (k.width as f64, k.height as f64);
+    let confidences: Vec<f64> = detections.iter().map(|d| d.confidence).collect();
+    let (shares, elsewhere) = shares(&confidences, anywhere);
+    let prior = |bbox: [f64; 4], confidence: f64, share: f64| {
+        let inside = points_inside(&bbox, observation, 0.5);
+        BoxPrior {
+            bbox,
+            confidence,
+            share,
+            vague: (bbox[2] - bbox[0]) * (bbox[3] - bbox[1]) > VAGUE_SHARE * width * height,
+            points: if inside.is_empty() { points_inside(&bbox, observation, -1.0) } else { inside },
+        }
+    };
+    let mut priors: Vec<BoxPrior> = detections
         .iter()
-        .map(|d| {
-            let [u0, v0, u1, v1] = d.bbox;
-            let inside = points_inside(&d.bbox, observation, 0.5);
-            BoxPrior {
-                bbox: d.bbox,
-                confidence: if most > 0.0 { d.confidence / most } else { 1.0 },
-                vague: (u1 - u0) * (v1 - v0) > VAGUE_SHARE * image,
-                points: if inside.is_empty() { points_inside(&d.bbox, observation, -1.0) } else { inside },
-            }
-        })
-        .collect()
+        .zip(confidences.iter().zip(shares))
+        .map(|(d, (confidence, share))| prior(d.bbox, confidence.min(1.0), share))
+        .collect();
+    priors.sort_by(|a, b| b.confidence.total_cmp(&a.confidence));
+    priors.push(prior([0.0, 0.0, width - 1.0, height - 1.0], 0.0, elsewhere));
+    priors
+}
+
+/// Shares of boxes with these confidences in the proposals, and that of the whole image; together 1.
+fn shares(confidences: &[f64], anywhere: f64) -> (Vec<f64>, f64) {
+    let (most, sum) = (confidences.iter().copied().fold(0.0, f64::max), confidences.iter().sum::<f64>());
+    let elsewhere = if sum > 0.0 { (1.0 - most).max(anywhere) } else { 1.0 };
+    let share = |c: &f64| if elsewhere < 1.0 { (1.0 - elsewhere) * c / sum } else { 0.0 };
+    (confidences.iter().map(share).collect(), elsewhere)
 }
 
 /// Points of the level with stride 4 that lie in the box and weigh more than `weight`.
@@ -96,7 +115,8 @@ pub(crate) fn small_rotation<R: Rng>(sigma: f32, rng: &mut R) -> UnitQuaternion<
     UnitQuaternion::from_scaled_axis(Vector3::new(normal(), normal(), normal()) * sigma)
 }
 
-/// Draws `oversampling` times `count` hypotheses and keeps `count` by how their projection overlaps their box.
+/// Draws `oversampling` times `count` hypotheses and keeps `count`: as many of the whole image as is its share, and of boxes those
+/// whose projection overlaps their box.
 pub(crate) fn propose<R: Rng>(
     model: &Model,
     observation: &Observation,
@@ -106,24 +126,30 @@ pub(crate) fn propose<R: Rng>(
     count: usize,
     rng: &mut R,
 ) -> Vec<Isometry3<f32>> {
-    let mut poses = Vec::with_capacity(count * settings.oversampling);
-    let mut weights = Vec::with_capacity(poses.capacity());
+    // Poses and the logarithms of their weights, of boxes and of vague ones.
+    let mut drawn: [(Vec<Isometry3<f32>>, Vec<f32>); 2] = Default::default();
     for _ in 0..count * settings.oversampling {
-        let Some(chosen) = sample_by(boxes, |b| b.confidence, rng) else {
+        let Some(chosen) = sample_by(boxes, |b| b.share, rng) else {
             break;
         };
         let Some(pose) = draw(model, observation, chosen, plane, settings, rng) else {
             continue;
         };
-        let overlap = match to_camera_bounds(&model.outline, &pose, &observation.intrinsics) {
-            Some(bounds) if !chosen.vague => iou(&chosen.bbox, &bounds) as f32,
-            Some(_) => 0.5,
-            None => continue,
+        let Some(bounds) = to_camera_bounds(&model.outline, &pose, &observation.intrinsics) else {
+            continue;
         };
-        weights.push((FLOOR + overlap * overlap).ln());
+        let overlap = if chosen.vague { 1.0 } else { iou(&chosen.bbox, &bounds) as f32 };
+        let (poses, weights) = &mut drawn[usize::from(chosen.vague)];
         poses.push(pose);
+        weights.push((FLOOR + overlap * overlap).ln());
     }
-    gumbel_top(&weights, count, rng).into_iter().map(|i| poses[i]).collect()
+    let share: f64 = boxes.iter().filter(|b| b.vague).map(|b| b.share).sum();
+    let vague = ((share * count as f64).round() as usize).min(count);
+    let mut kept = Vec::with_capacity(count);
+    for ((poses, weights), count) in drawn.iter().zip([count - vague, vague]) {
+        kept.extend(gumbel_top(weights, count, rng).into_iter().map(|i| poses[i]));
+    }
+    kept
 }
 
 fn draw<R: Rng>(
@@ -180,6 +206,21 @@ mod tests {
     use super::*;
     use grip_sim::rng;
     use nalgebra::Matrix3;
+
+    #[test]
+    fn what_boxes_leave_in_doubt_is_looked_for_anywhere() {
+        let close = |(shares, elsewhere): (Vec<f64>, f64), boxes: &[f64], rest: f64| {
+            assert!((elsewhere - rest).abs() < 1e-12, "{elsewhere} {rest}");
+            assert!(shares.iter().zip(boxes).all(|(a, b)| (a - b).abs() < 1e-12), "{shares:?} {boxes:?}");
+            assert!((shares.iter().sum::<f64>() + elsewhere - 1.0).abs() < 1e-12);
+        };
+        close(shares(&[1.0, 1.0], 0.0), &[0.5, 0.5], 0.0);
+        close(shares(&[1.0, 1.0], 0.1), &[0.45, 0.45], 0.1);
+        close(shares(&[0.3, 0.1], 0.1), &[0.225, 0.075], 0.7);
+        close(shares(&[50.0, 150.0], 0.2), &[0.2, 0.6], 0.2);
+        close(shares(&[0.0, 0.0], 0.1), &[0.0, 0.0], 1.0);
+        close(shares(&[], 0.1), &[], 1.0);
+    }
 
     #[test]
     fn rotations_are_uniform() {

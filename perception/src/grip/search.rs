@@ -64,6 +64,10 @@ pub(crate) struct Search<'a> {
     side_px: f32,
 }
 
+/// The distance of an object is about the median depth in the most confident boxes, which together have this share of the
+/// proposals that are drawn from boxes.
+const DEPTH_SHARE: f64 = 0.9;
+
 impl<'a> Search<'a> {
     /// Ready to weigh hypotheses of `model`.
     pub fn new(
@@ -74,9 +78,22 @@ impl<'a> Search<'a> {
         renderer: &'a mut dyn Hypotheses,
     ) -> Self {
         let plane = observation.flat_plane();
-        let mut depths: Vec<f32> = boxes.iter().flat_map(BoxPrior::depths).collect();
-        depths.sort_by(f32::total_cmp);
-        let depth = depths.get(depths.len() / 2).copied().unwrap_or(1.0);
+        let precise = || boxes.iter().filter(|b| !b.vague);
+        let mut rest = DEPTH_SHARE * precise().map(|b| b.share).sum::<f64>();
+        let mut depths: Vec<f32> = Vec::new();
+        for b in precise() {
+            depths.extend(b.depths());
+            rest -= b.share;
+            if rest <= 0.0 {
+                break;
+            }
+        }
+        if depths.is_empty() {
+            depths = boxes.iter().flat_map(BoxPrior::depths).collect();
+        }
+        let middle = depths.len() / 2;
+        let depth =
+            if depths.is_empty() { 1.0 } else { *depths.select_nth_unstable_by(middle, f32::total_cmp).1 };
         let side_px = 2.0 * model.radius * observation.intrinsics.fx as f32 / depth;
         Self {
             model,
@@ -294,14 +311,24 @@ impl<'a> Search<'a> {
     }
 }
 
-/// The largest confidence times overlap of a box with what is rendered at a stride.
+/// Less support of a box is not looked for: it would change no score by as much as rendering does.
+const NO_SUPPORT: f64 = 1e-3;
+
+/// The largest confidence times overlap of a box with what is rendered at a stride; the most confident boxes come first.
 fn box_support(boxes: &[BoxPrior], extent: &Extent, stride: usize, k: &Intrinsics) -> f32 {
     let s = stride as f64;
     let pixel = |x: f32, most: usize| (f64::from(x) * s + (s - 1.0) / 2.0).clamp(0.0, most as f64 - 1.0);
     let [u0, v0, u1, v1] = extent.bounds;
     let bounds = [pixel(u0, k.width), pixel(v0, k.height), pixel(u1, k.width), pixel(v1, k.height)];
-    let supports = boxes.iter().filter(|b| !b.vague).map(|b| b.confidence * iou(&b.bbox, &bounds));
-    supports.fold(0.0, f64::max) as f32
+    let mut most = 0.0_f64;
+    for b in boxes.iter().filter(|b| !b.vague) {
+        // No later one can be worth more.
+        if b.confidence <= most.max(NO_SUPPORT) {
+            break;
+        }
+        most = (b.confidence * iou(&b.bbox, &bounds)).max(most);
+    }
+    most as f32
 }
 
 /// Triangles of the mesh that the final scores are made with.

@@ -67,6 +67,9 @@ pub struct GripSettings {
     pub levels: Vec<SearchLevel>,
     /// How many pixels of a level an object must be across; see [`SearchLevel::stride`].
     pub least_side_px: f32,
+    /// Least share of proposals that are drawn from the whole image and not from boxes (paper: 0). Where the best box is doubtful,
+    /// it is what that box lacks to certainty: a detector that darkness fools is no hindrance then.
+    pub anywhere: f64,
     /// Proposals drawn for each that is kept by the overlap of its projection with its box.
     pub oversampling: usize,
     /// Share of proposals in resting orientations on the support plane; the others are uniform over all rotations, so
@@ -169,6 +172,7 @@ impl Default for GripSettings {
                 level(20, 2, 200, 2.0, 1, 2, [[0.004, 0.002], [0.1, 0.05]]),
             ],
             least_side_px: 20.0,
+            anywhere: 0.1,
             oversampling: 8,
             resting_share: 0.5,
             finalists: 3,
@@ -265,6 +269,9 @@ impl GripSettings {
             if !(value > 0.0 && value.is_finite()) {
                 return bad(name, value.to_string(), "must be positive and finite");
             }
+        }
+        if !(0.0..=1.0).contains(&self.anywhere) {
+            return bad("anywhere", self.anywhere.to_string(), "0 to 1; try 0.1");
         }
         if !(0.0..=1.0).contains(&self.resting_share) {
             return bad("resting_share", self.resting_share.to_string(), "0 to 1; try 0.5");

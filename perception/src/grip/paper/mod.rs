@@ -3,9 +3,6 @@
 //!
 //! It is here for comparison: what the text leaves open, and the guards that it leaves out, are named in
 //! [`PaperSettings`]. Each object is searched on its own, as in the paper.
-//!
-//! DIFFERENCE: a box's confidence is relative to the best one of its object, since our detectors' scores are no
-//! probabilities.
 
 mod features;
 mod settings;
@@ -140,16 +137,14 @@ impl<'a> Prepared<'a> {
     }
 }
 
-/// The boxes of an object with confidences relative to the best; without any, the whole image.
+/// The boxes of an object; without any, the whole image.
 fn boxes(detections: &[Detection], frame: &CameraFrame) -> Vec<Detection> {
     let k = &frame.intrinsics;
-    let most = detections.iter().map(|d| d.confidence).fold(0.0, f64::max);
     if detections.is_empty() {
         let bbox = [0.0, 0.0, k.width as f64 - 1.0, k.height as f64 - 1.0];
         return vec![Detection { bbox, confidence: 1.0 }];
     }
-    let relative = |d: &Detection| if most > 0.0 { d.confidence / most } else { 1.0 };
-    detections.iter().map(|d| Detection { bbox: d.bbox, confidence: relative(d) }).collect()
+    detections.iter().map(|d| Detection { bbox: d.bbox, confidence: d.confidence.min(1.0) }).collect()
 }
 
 /// A pose, its box and its weight.
