@@ -4,6 +4,8 @@
 //! `onnxruntime`, or what `GRIP_TEST_ONNXRUNTIME` names; without one the test says so, and fails where
 //! `GRIP_REQUIRE_ONNXRUNTIME` is set.
 
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::print_stderr, reason = "tests")]
+
 use std::path::PathBuf;
 use std::process::Command;
 

@@ -36,8 +36,7 @@ def table(header, rows):
 
 
 def write(path, model, objects, images, crops, seed, curve, measured):
-    """Writes the card; `images` are the numbers of training images by data set, `measured` maps a name of a test set to
-    (seed, what `grip detect --json` said)."""
+    """Writes the card; `objects` are names and BOP numbers, `images` numbers of training images by data set; `measured` maps a name of a test set to (seed, what `grip detect --json` said)."""
     with curve.open() as file:
         epochs = list(csv.DictReader(file))
     minutes = sum(float(line["seconds"]) for line in epochs) / 60
@@ -70,7 +69,8 @@ def write(path, model, objects, images, crops, seed, curve, measured):
     ]
     for name, (test_seed, said) in measured.items():
         rows = [(f"view {view}", said["views"][view]) for view in VIEWS if view in said["views"]] + [("all", said["all"])]
-        rows += [(f"object {key}", figures) for key, figures in sorted(said["objects"].items(), key=lambda item: int(item[0])) if figures["instances"]]
+        rows += [(name, said["objects"][str(identity)]) for name, identity in objects if str(identity) in said["objects"]]
+        rows = [(title, figures) for title, figures in rows if figures["instances"]]
         out += [
             f"{name}, seed {test_seed}, {said['images']} images, {1000 * said['latency_s']:.0f} ms an image on two cores ({said['network']}):",
             "",
