@@ -34,14 +34,13 @@ impl Parts {
     }
 }
 
-/// Weighs a hypothesis. `box_support` is the largest confidence times overlap of a box, 0 to 1, of `believed` at most, the
-/// confidence of the best box: the box term weighs the less, the less the detector says. `lowest` is the height of the
+/// Weighs a hypothesis. `box_support` is the largest confidence times overlap of a box, 0 to 1; `lowest` the height of the
 /// lowest point over the support plane, if there is one. Too few pixels are worth nothing.
 pub(crate) fn parts(
     terms: &Terms,
     settings: &GripSettings,
     stride: usize,
-    [box_support, believed]: [f32; 2],
+    box_support: f32,
     lowest: Option<f32>,
 ) -> Parts {
     if terms.rendered * ((stride * stride) as f32) < settings.min_pixels {
@@ -55,7 +54,7 @@ pub(crate) fn parts(
         let depth = -lowest - settings.penetration_free_m as f32;
         (depth / settings.penetration_full_m as f32).clamp(0.0, 1.0)
     });
-    let most = settings.fit_weight + settings.edge_weight + settings.box_weight * believed;
+    let most = settings.fit_weight + settings.edge_weight + settings.box_weight;
     Parts {
         fit: settings.fit_weight * fit / most,
         edge: settings.edge_weight * edge / most,

@@ -282,7 +282,6 @@ impl<'a> Search<'a> {
         let Self { settings, observation, boxes, .. } = *self;
         let rendered = self.renderer.advance(batch, poses)?;
         let k = &observation.intrinsics;
-        let believed = boxes.iter().filter(|b| !b.vague).map(|b| b.confidence as f32).fold(0.0, f32::max);
         let judged = |rendered: &Option<Rendered>, pose: &Isometry3<f32>| {
             // The centre must be in the image: slivers at the border fit anything.
             let centre = nalgebra::Point3::from(pose.translation.vector.cast::<f64>());
@@ -292,7 +291,7 @@ impl<'a> Search<'a> {
             let Some(Rendered { terms, extent }) = rendered.as_ref().filter(|_| seen) else {
                 return Parts::default();
             };
-            let support = [box_support(boxes, extent, batch.stride, k), believed];
+            let support = box_support(boxes, extent, batch.stride, k);
             let lowest = observation.plane.is_some().then_some(extent.lowest);
             parts(terms, settings, batch.stride, support, lowest)
         };

@@ -97,8 +97,7 @@ pub struct GripSettings {
     /// Weight of the silhouette term (paper: alpha_e, in another form).
     pub edge_weight: f32,
     /// Weight of a box's confidence times overlap (paper: alpha_box + alpha_b = 0.2). Exact boxes deserve 0.6, sloppy
-    /// ones 0.1. The score is divided by the sum of the two weights above and of this one times the
-    /// confidence of the best box: a detector that says nothing takes nothing away.
+    /// ones 0.1. The score is divided by the sum of this and the two weights above.
     pub box_weight: f32,
     /// Weight of the penetration of the support plane.
     pub plane_weight: f32,
