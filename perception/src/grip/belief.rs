@@ -25,8 +25,7 @@ pub(super) fn posterior(
     settings: &GripSettings,
 ) -> PosePosterior {
     let presence = |found: &Found| {
-        let score = f64::from(found.best.score);
-        1.0 / (1.0 + (-(score - settings.presence_score) / settings.presence_scale).exp())
+        1.0 / (1.0 + (-(found.evidence(settings) - settings.presence_score) / settings.presence_scale).exp())
     };
     let Some(mut found) = found else { return nothing(model, seconds) };
     // One restart that nobody confirms is worth half, unless it is sure.
@@ -225,8 +224,22 @@ mod tests {
             restarts: 1,
             agreeing: 1,
             hypotheses: 10,
+            believed: 1.0,
             trace: Vec::new(),
         }
+    }
+
+    #[test]
+    fn a_detector_that_says_nothing_says_nothing_against_an_object() {
+        let settings = GripSettings::default();
+        let pose = Isometry3::translation(0.0, 0.0, 1.0);
+        let mut found = found(vec![Hypothesis { pose, score: 0.5 }]);
+        assert!((found.evidence(&settings) - 0.5).abs() < 1e-6);
+        // Without boxes only fit and silhouette, 1.0 of 1.3, can be reached.
+        found.believed = 0.0;
+        assert!((found.evidence(&settings) - 0.65).abs() < 1e-6);
+        found.believed = 0.5;
+        assert!((found.evidence(&settings) - 0.5 * 1.3 / 1.15).abs() < 1e-6);
     }
 
     #[test]

@@ -118,7 +118,7 @@ where
         let mut taken = vec![false; self.observation.level(STRIDE).w.len()];
         for (model, (found, _)) in self.models.iter().zip(results.iter()) {
             if let Some(found) =
-                found.as_ref().filter(|f| f64::from(f.best.score) >= self.settings.presence_score)
+                found.as_ref().filter(|f| f.evidence(self.settings) >= self.settings.presence_score)
             {
                 claim(&mut taken, &explained(model, &found.best.pose, self.observation), pitch);
             }
@@ -129,7 +129,7 @@ where
                 let rest = self.observation.without(&taken);
                 let (next, spent) = (self.search)(i, &rest)?;
                 *seconds += spent;
-                let there = |f: &Found| f64::from(f.best.score) >= self.settings.presence_score;
+                let there = |f: &Found| f.evidence(self.settings) >= self.settings.presence_score;
                 let Some(next) = next.filter(there) else { break };
                 claim(&mut taken, &explained(&self.models[i], &next.best.pose, &rest), pitch);
                 found.others.push(next);

@@ -46,8 +46,21 @@ pub(crate) struct Found {
     /// Restarts that ended at the best one's place, itself included.
     pub agreeing: usize,
     pub hypotheses: usize,
+    /// Confidence of the best box, 0 to 1.
+    pub believed: f64,
     /// The answer after each iteration of each level and restart, after each polish and after the twins.
     pub trace: Vec<TracePoint>,
+}
+
+impl Found {
+    /// The score as a sign that the object is there: the box term counts for as much as the best box is believed, since a detector
+    /// that darkness fools says nothing against an object. (The search itself compares plain scores.)
+    pub fn evidence(&self, settings: &GripSettings) -> f64 {
+        let others = settings.fit_weight + settings.edge_weight;
+        let whole = f64::from(others + settings.box_weight);
+        let reachable = f64::from(others) + f64::from(settings.box_weight) * self.believed;
+        f64::from(self.best.score) * whole / reachable
+    }
 }
 
 /// Everything that weighing a hypothesis needs.
@@ -157,6 +170,7 @@ impl<'a> Search<'a> {
             restarts: ends.len(),
             agreeing,
             hypotheses: self.rendered,
+            believed: self.boxes.iter().filter(|b| !b.vague).map(|b| b.confidence).fold(0.0, f64::max),
             trace,
         }))
     }

@@ -189,6 +189,7 @@ fn decided(
         restarts: 1,
         agreeing: 1,
         hypotheses: 1,
+        believed: 1.0,
         trace: Vec::new(),
     };
     let picture = Picture::new(frame).unwrap();

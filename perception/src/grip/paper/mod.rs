@@ -194,6 +194,7 @@ fn filter(likelihood: &Likelihood<'_>, frame: &CameraFrame, rng: &mut impl Rng) 
         restarts: 1,
         agreeing: 1,
         hypotheses,
+        believed: 1.0,
         trace: trace.take(),
     })
 }
