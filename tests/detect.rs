@@ -70,7 +70,7 @@ fn objects_are_found_in_scenes_that_training_never_saw() {
 }
 
 #[test]
-fn estimates_from_its_boxes_are_those_from_its_file() {
+fn estimates_from_its_boxes_and_from_its_file_are_good() {
     let folder = tempfile::tempdir().unwrap();
     let set = data_set(folder.path(), "1", "B");
     let boxes = folder.path().join("boxes.json");

@@ -51,6 +51,23 @@ pub struct FileBox {
     pub score: f64,
 }
 
+impl FileBox {
+    /// A detection of object `category_id`, to a hundredth of a pixel.
+    pub fn new((scene_id, image_id): (u32, u32), category_id: u32, detection: &Detection) -> Self {
+        // From the centres of the first and the last pixel to the edges.
+        let [u0, v0, u1, v1] = detection.bbox;
+        let bbox = [u0, v0, u1 - u0 + 1.0, v1 - v0 + 1.0].map(|x| (100.0 * x).round() / 100.0);
+        Self { scene_id, image_id, category_id, bbox, score: detection.confidence }
+    }
+
+    /// The same box as [`Detection::bbox`]; not a number where a side is negative, which no detection may be.
+    fn corners(&self) -> [f64; 4] {
+        let [x, y, w, h] = self.bbox;
+        let last = |at: f64, side: f64| if side >= 0.0 { at + (side - 1.0).max(0.0) } else { f64::NAN };
+        [x, y, last(x, w), last(y, h)]
+    }
+}
+
 impl Boxes {
     /// `pyramid`, `clusters`, `none`, `gt`, `jittered`, or the path of a file.
     ///
@@ -158,11 +175,7 @@ impl Boxes {
                     let Some(object) = objects.iter().find(|o| o.info.bop_id == entry.category_id) else {
                         continue;
                     };
-                    let [x, y, w, h] = entry.bbox;
-                    // From edges of pixels to the centres of the first and the last one.
-                    let last =
-                        |at: f64, side: f64| if side >= 0.0 { at + (side - 1.0).max(0.0) } else { f64::NAN };
-                    add(object, [x, y, last(x, w), last(y, h)], entry.score).with_context(|| {
+                    add(object, entry.corners(), entry.score).with_context(|| {
                         format!(
                             "bbox {:?}, score {} of scene {}, image {}",
                             entry.bbox, entry.score, bop.scene_id, bop.im_id
@@ -236,6 +249,16 @@ fn elsewhere([u0, v0, u1, v1]: &[f64; 4], [width, height]: &[f64; 2], random: &m
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_box_of_a_file_is_the_detection_that_was_written() {
+        let detection = Detection { bbox: [10.25, 20.5, 49.75, 20.5], confidence: 0.25 };
+        let written = FileBox::new((3, 4), 5, &detection);
+        assert_eq!(written.bbox, [10.25, 20.5, 40.5, 1.0]);
+        assert_eq!((written.corners(), written.score), (detection.bbox, 0.25));
+        let negative = FileBox { bbox: [10.0, 20.0, -3.0, 4.0], ..written };
+        assert!(negative.corners()[2].is_nan());
+    }
 
     #[test]
     fn jitter_has_its_spread_and_stays_in_the_picture() {

@@ -73,7 +73,7 @@ fn of_picture(args: &DetectArgs, network: &PyramidCnn) -> Result<()> {
             object: &objects[class - 1].name,
             bop_id: objects[class - 1].bop_id,
             confidence: detection.confidence,
-            bbox: left_top_width_height(detection),
+            bbox: FileBox::new((0, 0), objects[class - 1].bop_id, detection).bbox,
         })
         .collect();
     if args.json {
@@ -116,12 +116,6 @@ fn read_picture(path: &Path) -> Result<RgbImage> {
     limits.max_image_height = Some(16_384);
     reader.limits(limits);
     Ok(reader.decode().map_err(unreadable)?.into_rgb8())
-}
-
-/// As in COCO, from the centres of the first and last pixels.
-fn left_top_width_height(detection: &Detection) -> [f64; 4] {
-    let [u0, v0, u1, v1] = detection.bbox;
-    [u0, v0, u1 - u0 + 1.0, v1 - v0 + 1.0].map(|x| (100.0 * x).round() / 100.0)
 }
 
 /// What came of an image.
@@ -212,7 +206,7 @@ fn look(
                 .iter()
                 .filter(|detection| detection.confidence >= args.least_confidence)
                 .take(MOST_BOXES)
-                .map(|detection| (left_top_width_height(detection), detection.confidence))
+                .map(|detection| (FileBox::new(key, id, detection).bbox, detection.confidence))
                 .collect(),
         })
         .collect();

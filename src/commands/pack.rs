@@ -33,7 +33,11 @@ pub fn run(args: &PackArgs) -> Result<Done> {
     let items = args.items.unwrap_or(most);
     ensure!((1..=most).contains(&items), "--items {items}: the scene has {most} objects; give 1 to {most}");
     let spec = Spec { estimator: args.estimator, items };
-    setup::check_network_is_used(&args.network, uses_network(args), "--detector pyramid")?;
+    setup::check_network_is_used(
+        &args.network,
+        uses_network(args),
+        "--detector pyramid and --estimator grip",
+    )?;
     let mut network = None;
     let detector: Box<dyn grip_perception::Detector> = match args.detector {
         Detector::Pyramid if uses_network(args) => {
