@@ -21,6 +21,8 @@ pub struct Cli {
 pub enum Command {
     /// Pack the scene's objects into the bin and score every grasp.
     Pack(PackArgs),
+    /// Solve motion planning problems of MotionBenchMaker (MoveIt's YAML) and check the solutions.
+    Plan(PlanArgs),
     /// Draw what the head camera sees of a scene.
     Render(RenderArgs),
     /// Make a BOP data set of the scene: the paper's adversarial set, or training data.
@@ -91,6 +93,29 @@ pub struct PackArgs {
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
     /// Print the result as one JSON object on stdout.
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// `grip plan`.
+#[derive(Debug, Args)]
+pub struct PlanArgs {
+    /// Folder of requestNNNN.yaml and sceneNNNN.yaml, or of such folders.
+    #[arg(value_name = "PROBLEMS")]
+    pub problems: PathBuf,
+    /// Seed of the search; each problem draws its own stream from it.
+    #[arg(long, default_value_t = 1)]
+    pub seed: u64,
+    /// Problems solved at the same time; times are those of one core only with 1.
+    #[arg(long, default_value_t = 1, value_parser = clap::builder::RangedU64ValueParser::<usize>::new().range(1..=1024))]
+    pub jobs: usize,
+    /// Another URDF of the robot, such as the upstream Fetch's.
+    #[arg(long, value_name = "URDF")]
+    pub robot: Option<PathBuf>,
+    /// Where `package://` meshes are looked up; may be given more than once.
+    #[arg(long, value_name = "DIR")]
+    pub package_path: Vec<PathBuf>,
+    /// Print the results, problem by problem, as one JSON object on stdout.
     #[arg(long)]
     pub json: bool,
 }

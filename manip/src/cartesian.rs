@@ -13,6 +13,9 @@ const JUMP: f64 = 0.25;
 /// Tolerance of the solutions, metres: tight, so that the path does not jitter and can be driven fast.
 const SMOOTH: f64 = 1e-6;
 
+/// The same where nothing is driven along it, metres.
+const LOOSE: f64 = 1e-3;
+
 /// A straight motion: whole configurations, evenly spaced along the line.
 #[derive(Debug, Clone)]
 pub struct CartesianPath {
@@ -82,6 +85,35 @@ pub fn straight_line(
         waypoints.push(next);
     }
     Ok(CartesianPath { waypoints, step: length / n as f64 })
+}
+
+/// The hand moved from `q` (whole configuration) along a displacement in the base frame, orientation kept, every `step`
+/// metres as far as `check` finds no pair in collision and no joint jumps; without `q` itself.
+pub fn glide(
+    solver: &IkSolver,
+    q: &[f64],
+    displacement: &nalgebra::Vector3<f64>,
+    step: f64,
+    mut check: impl FnMut(f64, &[f64]) -> Option<CollisionPair>,
+) -> Vec<Vec<f64>> {
+    let robot = solver.robot();
+    let start = robot.model.fk_link(q, robot.gripper);
+    let n = (displacement.norm() / step).ceil().max(1.0) as usize;
+    let mut last = q.to_vec();
+    let mut way = Vec::new();
+    for k in 1..=n {
+        let t = k as f64 / n as f64;
+        let mut target = start;
+        target.translation.vector += displacement * t;
+        let Some(next) = solver.descend(&last, &target, 16, LOOSE) else { break };
+        let jumped = last.iter().zip(&next).any(|(a, b)| (a - b).abs() > 2.0 * JUMP);
+        if jumped || check(t * displacement.norm(), &next).is_some() {
+            break;
+        }
+        last.clone_from(&next);
+        way.push(next);
+    }
+    way
 }
 
 /// [`straight_line`] along a displacement in the base frame, orientation kept.

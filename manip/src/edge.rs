@@ -2,6 +2,9 @@
 
 use std::cell::{Cell, RefCell};
 
+use grip_sim::lanes::{F8, LANES};
+
+use crate::collision::batch::Batch;
 use crate::collision::{CollisionChecker, Query};
 use crate::ik::IkSolver;
 use crate::rrt::Validity;
@@ -9,42 +12,41 @@ use crate::space::JointSpace;
 
 /// Collision checks of a group's configurations and motions, all other joints fixed.
 ///
-/// Motions are checked at configurations between which no point of the robot moves more than `2 * margin`: with every
-/// checked configuration at least `margin` away from everything, the whole motion is free.
+/// Motions are checked at configurations between which no point of the robot moves more than a step; with a step of twice
+/// the margin every checked configuration is at least `margin` away from everything, and the whole motion is free.
 pub struct EdgeCheck<'a> {
     checker: &'a CollisionChecker,
     query: Query<'a>,
     space: &'a JointSpace,
     solver: &'a IkSolver,
+    batch: Batch<'a>,
     q: RefCell<Vec<f64>>,
+    lanes: RefCell<Vec<F8>>,
     step: f64,
     checks: Cell<usize>,
 }
 
 impl<'a> EdgeCheck<'a> {
-    /// Checks with `query`; joints outside the group are as in `q`.
+    /// Checks with `query`, every `step` metres at most; joints outside the group are as in `q`.
     pub fn new(
         checker: &'a CollisionChecker,
         query: Query<'a>,
         space: &'a JointSpace,
         solver: &'a IkSolver,
         q: &[f64],
+        step: f64,
     ) -> Self {
         Self {
             checker,
-            step: (2.0 * query.margins.world).max(0.004),
+            batch: Batch::new(checker, &query, solver.joints(), q),
             query,
             space,
             solver,
             q: RefCell::new(q.to_vec()),
+            lanes: RefCell::default(),
+            step,
             checks: Cell::new(0),
         }
-    }
-
-    /// The same with another bound on the motion between checks, metres.
-    pub fn with_step(mut self, step: f64) -> Self {
-        self.step = step;
-        self
     }
 
     /// Configurations checked so far.
@@ -62,23 +64,18 @@ impl Validity for EdgeCheck<'_> {
     }
 
     fn motion_free(&self, a: &[f64], b: &[f64]) -> bool {
-        let n = (self.space.travel(a, b) / self.step).ceil().max(1.0) as usize;
-        // Coarse to fine: a blocked motion is found after a few checks. Every k in 1..=n has one odd multiple of a
-        // power of two, so each is visited once.
-        let mut stride = n.next_power_of_two();
-        if !self.free(b) {
-            return false;
-        }
-        while stride >= 1 {
-            let mut k = stride;
-            while k < n {
-                if !self.free(&self.space.interpolate(a, b, k as f64 / n as f64)) {
-                    return false;
-                }
-                k += 2 * stride;
-            }
-            stride /= 2;
-        }
-        true
+        let steps = (self.space.travel(a, b) / self.step).ceil().max(1.0) as usize;
+        let rounds = steps.div_ceil(LANES);
+        let way = self.space.difference(a, b);
+        let mut lanes = self.lanes.borrow_mut();
+        // Each round looks at eight configurations spread over the whole motion: one that is blocked is soon found.
+        (0..rounds).all(|round| {
+            let share: [f64; LANES] =
+                std::array::from_fn(|lane| ((lane + 1) * rounds - round) as f64 / (LANES * rounds) as f64);
+            lanes.clear();
+            lanes.extend(a.iter().zip(&way).map(|(a, d)| F8(share.map(|t| (a + d * t) as f32))));
+            self.checks.set(self.checks.get() + LANES);
+            !self.batch.any_collides(&lanes)
+        })
     }
 }

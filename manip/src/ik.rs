@@ -87,6 +87,7 @@ impl IkSolver {
                         upper: limits.upper,
                         wraps: !limits.lower.is_finite() || !limits.upper.is_finite(),
                         reach,
+                        weight: reach,
                     }
                 })
                 .collect(),

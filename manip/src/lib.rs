@@ -11,12 +11,14 @@
 //! | [`heightmap`], [`place`] | where to put an object in the bin |
 //! | [`settings`], [`plan`], [`planner`], [`pick`] | the planner, and its plans as data |
 //! | [`executor`] | carries plans out through a robot port |
+//! | [`moveit`], [`benchmark`] | motion planning problems of others, and how they are solved |
 //! | [`reach`] | how well a table, a bin and a robot's place suit each other |
 //!
 //! Nothing here knows the truth: a plan depends on a [`BeliefScene`] and on measured joints alone.
 
 pub mod antipodal;
 pub mod belief;
+pub mod benchmark;
 pub mod cartesian;
 pub mod collision;
 pub mod edge;
@@ -24,6 +26,7 @@ pub mod executor;
 pub mod grasp;
 pub mod heightmap;
 pub mod ik;
+pub mod moveit;
 pub mod pick;
 pub mod place;
 pub mod plan;

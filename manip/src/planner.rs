@@ -8,7 +8,7 @@ use nalgebra::Vector3;
 use rand_chacha::ChaCha8Rng;
 
 use crate::belief::BeliefScene;
-use crate::cartesian::{CartesianPath, translate};
+use crate::cartesian::{CartesianPath, glide, translate};
 use crate::collision::{CollisionChecker, Held, Margins, Query, RobotSolids};
 use crate::edge::EdgeCheck;
 use crate::grasp::GraspCache;
@@ -17,6 +17,7 @@ use crate::plan::{PlanCounters, PlanFailure, PlanStage};
 use crate::rrt::{SearchStatus, Validity, rrt_connect, shortcut};
 use crate::settings::PlannerSettings;
 use crate::smooth::SmoothPath;
+use crate::space::JointSpace;
 use crate::timing::{MotionLimits, Trajectory, time_path};
 
 /// Plans motions, picks and places of one robot. Immutable but for a cache of grasps, and shared between threads.
@@ -29,6 +30,10 @@ pub struct Planner {
     pub(crate) cache: GraspCache,
 }
 
+/// Nearer than this to something, a way out is looked for, metres; how long it is at most, and its waypoints' distance.
+const NARROW: f64 = 0.05;
+const WAY_OUT: f64 = 0.3;
+const WAY_OUT_STEP: f64 = 0.02;
 /// Waypoints of a straight motion used for its timing: every third, 15 mm apart.
 const THIN: usize = 3;
 
@@ -146,11 +151,12 @@ impl Planner {
         }
         let space = self.solver.space(held.map_or(0.0, |h| h.extent));
         let query = Query { held, allowed: &[], margins };
-        let edges = EdgeCheck::new(checker, query, &space, &self.solver, &q)
-            .with_step(2.0 * self.settings.free.world);
-        let start = self.solver.gather(&q);
-        let goals: Vec<Vec<f64>> = goals.iter().map(|g| self.solver.gather(g)).collect();
-        let found = rrt_connect(&space, &edges, &start, &goals, &self.settings.rrt, rng);
+        let step = 2.0 * self.settings.free.world;
+        let edges = EdgeCheck::new(checker, query, &space, &self.solver, &q, step);
+        let from = self.way_out(checker, &query, &space, &edges, &q);
+        let goals: Vec<Vec<Vec<f64>>> =
+            goals.iter().map(|goal| self.way_out(checker, &query, &space, &edges, goal)).collect();
+        let found = rrt_connect(&space, &edges, &from, &goals, &self.settings.rrt, rng);
         counters.searches += 1;
         counters.iterations += found.iterations;
         let result = match found.status {
@@ -173,7 +179,7 @@ impl Planner {
             SearchStatus::InvalidGoal => {
                 let mut goal = q.clone();
                 if let Some(first) = goals.first() {
-                    self.solver.scatter(first, &mut goal);
+                    self.solver.scatter(&first[0], &mut goal);
                 }
                 Err((PlanStage::NoPath, self.explain(checker, &goal, &query, "the goal")))
             }
@@ -184,6 +190,38 @@ impl Planner {
         };
         counters.checks += edges.checks();
         result
+    }
+
+    /// A configuration of the group and, where something is near, a straight way of the hand from it, back or up, as far as
+    /// that is free: searches hardly find out of a shelf by themselves.
+    pub(crate) fn way_out(
+        &self,
+        checker: &CollisionChecker,
+        query: &Query<'_>,
+        space: &JointSpace,
+        edges: &EdgeCheck<'_>,
+        q: &[f64],
+    ) -> Vec<Vec<f64>> {
+        let mut chain = vec![self.solver.gather(q)];
+        if checker.clearance(q, query, NARROW) >= NARROW {
+            return chain;
+        }
+        let gripper = self.robot.model.fk_link(q, self.robot.gripper);
+        let ways = [gripper.rotation * -Vector3::x(), Vector3::z()];
+        let longest = ways
+            .map(|way| {
+                glide(&self.solver, q, &(way * WAY_OUT), WAY_OUT_STEP, |_, q| checker.in_collision(q, query))
+            })
+            .into_iter()
+            .max_by_key(Vec::len);
+        for q in longest.unwrap_or_default() {
+            let next = space.unwrap_near(&chain[chain.len() - 1], &self.solver.gather(&q));
+            if !space.within_limits(&next) || !edges.motion_free(&chain[chain.len() - 1], &next) {
+                break;
+            }
+            chain.push(next);
+        }
+        chain
     }
 
     fn explain(&self, checker: &CollisionChecker, q: &[f64], query: &Query<'_>, what: &str) -> String {

@@ -22,6 +22,8 @@ pub trait Validity {
 pub struct RrtSettings {
     /// Longest edge, metres of [`JointSpace::distance`]. Default 0.5: some ten edges across the work space.
     pub step: f64,
+    /// Edge that is tried where that is blocked, metres. Default 0.25.
+    pub short_step: f64,
     /// Give up after this many extensions. Default 4000.
     pub max_iterations: usize,
     /// Shortcut attempts on a path that was found. Default 60.
@@ -30,7 +32,7 @@ pub struct RrtSettings {
 
 impl Default for RrtSettings {
     fn default() -> Self {
-        Self { step: 0.5, max_iterations: 4000, shortcuts: 60 }
+        Self { step: 1.0, short_step: 0.25, max_iterations: 4000, shortcuts: 60 }
     }
 }
 
@@ -70,9 +72,16 @@ struct Tree {
 }
 
 impl Tree {
-    fn rooted(roots: Vec<Vec<f64>>) -> Self {
-        let parents = (0..roots.len()).collect();
-        Self { nodes: roots, parents }
+    /// Each chain begins with a root, and what follows hangs on it in a row.
+    fn rooted(chains: &[Vec<Vec<f64>>]) -> Self {
+        let mut tree = Self { nodes: Vec::new(), parents: Vec::new() };
+        for chain in chains {
+            for (i, q) in chain.iter().enumerate() {
+                let next = tree.nodes.len();
+                tree.add(q.clone(), if i == 0 { next } else { next - 1 });
+            }
+        }
+        tree
     }
 
     fn nearest(&self, space: &JointSpace, q: &[f64]) -> usize {
@@ -90,6 +99,29 @@ impl Tree {
         self.nodes.push(q);
         self.parents.push(parent);
         self.nodes.len() - 1
+    }
+
+    /// One edge from node `from` towards `to`, if it is free: the new node, and whether it is `to`.
+    fn extend(
+        &mut self,
+        space: &JointSpace,
+        validity: &impl Validity,
+        from: usize,
+        to: &[f64],
+        settings: &RrtSettings,
+    ) -> Option<(usize, bool)> {
+        let distance = space.distance(&self.nodes[from], to);
+        if distance < 1e-9 {
+            return None;
+        }
+        // Out of a narrow place only short steps lead.
+        for step in [settings.step, settings.short_step] {
+            let q = space.interpolate(&self.nodes[from], to, (step / distance).min(1.0));
+            if validity.motion_free(&self.nodes[from], &q) {
+                return Some((self.add(q, from), step >= distance));
+            }
+        }
+        None
     }
 
     /// From the node to its root.
@@ -110,12 +142,15 @@ impl Tree {
     }
 }
 
-/// Searches a path from `start` to any of `goals`.
+/// Searches a path from a start to any of several goals.
+///
+/// Each is a chain of configurations: the start or goal itself, then, where they are known, those of a way out of its narrow
+/// place, whose motions from one to the next are free.
 pub fn rrt_connect(
     space: &JointSpace,
     validity: &impl Validity,
-    start: &[f64],
-    goals: &[Vec<f64>],
+    start_chain: &[Vec<f64>],
+    goals: &[Vec<Vec<f64>>],
     settings: &RrtSettings,
     rng: &mut impl Rng,
 ) -> PathSearch {
@@ -128,47 +163,47 @@ pub fn rrt_connect(
         goal,
         path,
     };
-    if !space.within_limits(start) || !validity.free(start) {
+    let usable = |q: &[f64]| space.within_limits(q) && validity.free(q);
+    let Some(start) = start_chain.first().filter(|start| usable(start)) else {
         return done(SearchStatus::InvalidStart, 0, 0, 0, Vec::new());
-    }
-    let (indices, roots): (Vec<usize>, Vec<Vec<f64>>) = goals
+    };
+    let (indices, chains): (Vec<usize>, Vec<Vec<Vec<f64>>>) = goals
         .iter()
         .enumerate()
-        .filter(|(_, goal)| space.within_limits(goal) && validity.free(goal))
+        .filter(|(_, goal)| goal.first().is_some_and(|goal| usable(goal)))
         .map(|(i, goal)| (i, goal.clone()))
         .unzip();
+    let roots: Vec<&Vec<f64>> = chains.iter().map(|chain| &chain[0]).collect();
     if roots.is_empty() {
         return done(SearchStatus::InvalidGoal, 0, 0, 0, Vec::new());
     }
     // Most motions over a table are free as the crow flies: the nearest goals first.
     let mut order: Vec<usize> = (0..roots.len()).collect();
-    order.sort_by(|&a, &b| space.distance(start, &roots[a]).total_cmp(&space.distance(start, &roots[b])));
+    order.sort_by(|&a, &b| space.distance(start, roots[a]).total_cmp(&space.distance(start, roots[b])));
     for &i in order.iter().take(3) {
-        if validity.motion_free(start, &roots[i]) {
-            let end = space.unwrap_near(start, &roots[i]);
+        if validity.motion_free(start, roots[i]) {
+            let end = space.unwrap_near(start, roots[i]);
             return done(SearchStatus::Solved, 0, 2, indices[i], vec![start.to_vec(), end]);
         }
     }
 
-    let mut trees = [Tree::rooted(vec![start.to_vec()]), Tree::rooted(roots)];
+    let mut trees = [Tree::rooted(&[start_chain.to_vec()]), Tree::rooted(&chains)];
     for iteration in 1..=settings.max_iterations {
-        // The trees take turns: tree `a` grows towards a random sample, tree `b` towards the new node of `a`.
-        let (a, b) = ((iteration + 1) % 2, iteration % 2);
+        // The smaller tree `a` grows towards a random sample, tree `b` towards the new node of `a`.
+        let a = usize::from(trees[1].nodes.len() < trees[0].nodes.len());
+        let b = 1 - a;
         let sample = space.sample(rng);
         let near = trees[a].nearest(space, &sample);
-        let Some(new) = extend(space, validity, &trees[a].nodes[near], &sample, settings) else {
+        let Some((new, _)) = trees[a].extend(space, validity, near, &sample, settings) else {
             continue;
         };
-        let new = trees[a].add(new, near);
         let target = trees[a].nodes[new].clone();
         let mut tip = trees[b].nearest(space, &target);
         loop {
-            let from = &trees[b].nodes[tip];
-            let arrived = space.distance(from, &target) <= settings.step;
-            let Some(q) = extend(space, validity, from, &target, settings) else {
+            let Some((next, arrived)) = trees[b].extend(space, validity, tip, &target, settings) else {
                 break;
             };
-            tip = trees[b].add(q, tip);
+            tip = next;
             if arrived {
                 let (from_start, from_goal) = if a == 0 { (new, tip) } else { (tip, new) };
                 let mut path = trees[0].trace(from_start);
@@ -180,29 +215,15 @@ pub fn rrt_connect(
                 // Both trees hold the meeting point.
                 path.dedup_by(|b, a| space.distance(a, b) < 1e-12);
                 let nodes = trees[0].nodes.len() + trees[1].nodes.len();
-                let goal = indices[trees[1].root(from_goal)];
+                let root = trees[1].root(from_goal);
+                let chain = trees[1].parents[..root].iter().enumerate().filter(|(i, p)| i == *p).count();
+                let goal = indices[chain];
                 return done(SearchStatus::Solved, iteration, nodes, goal, path);
             }
         }
     }
     let nodes = trees[0].nodes.len() + trees[1].nodes.len();
     done(SearchStatus::Exhausted, settings.max_iterations, nodes, 0, Vec::new())
-}
-
-/// One edge of at most `settings.step` from `from` towards `to`, if it is free.
-fn extend(
-    space: &JointSpace,
-    validity: &impl Validity,
-    from: &[f64],
-    to: &[f64],
-    settings: &RrtSettings,
-) -> Option<Vec<f64>> {
-    let distance = space.distance(from, to);
-    if distance < 1e-9 {
-        return None;
-    }
-    let q = space.interpolate(from, to, (settings.step / distance).min(1.0));
-    validity.motion_free(from, &q).then_some(q)
 }
 
 /// Replaces stretches of a path by straight motions where those are free and shorter, and drops waypoints between
@@ -302,15 +323,15 @@ mod tests {
     }
 
     fn plane() -> JointSpace {
-        let axis = Axis { lower: 0.0, upper: 1.0, wraps: false, reach: 1.0 };
+        let axis = Axis { lower: 0.0, upper: 1.0, wraps: false, reach: 1.0, weight: 1.0 };
         JointSpace::new(vec![axis, axis])
     }
 
     fn solve(seed: u64) -> PathSearch {
         let settings = RrtSettings { step: 0.1, ..Default::default() };
         let mut rng = stream(seed, "rrt");
-        let goals = [vec![0.5, 0.1], vec![0.9, 0.1]];
-        let mut search = rrt_connect(&plane(), &Wall, &[0.1, 0.1], &goals, &settings, &mut rng);
+        let goals = [vec![vec![0.5, 0.1]], vec![vec![0.9, 0.1], vec![0.95, 0.15]]];
+        let mut search = rrt_connect(&plane(), &Wall, &[vec![0.1, 0.1]], &goals, &settings, &mut rng);
         search.path = shortcut(&plane(), &Wall, &search.path, &settings, &mut rng);
         search
     }
@@ -343,7 +364,8 @@ mod tests {
         let settings = RrtSettings::default();
         let run = |start: [f64; 2], goal: [f64; 2]| {
             let mut rng = stream(0, "rrt");
-            rrt_connect(&plane(), &Wall, &start, &[goal.to_vec()], &settings, &mut rng).status
+            rrt_connect(&plane(), &Wall, &[start.to_vec()], &[vec![goal.to_vec()]], &settings, &mut rng)
+                .status
         };
         assert_eq!(run([0.5, 0.1], [0.9, 0.1]), SearchStatus::InvalidStart);
         assert_eq!(run([0.1, 0.1], [0.5, 0.1]), SearchStatus::InvalidGoal);

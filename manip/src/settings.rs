@@ -53,7 +53,7 @@ impl Default for PlannerSettings {
         Self {
             grasp: GraspSettings::default(),
             place: PlaceSettings::default(),
-            rrt: RrtSettings { step: 0.5, max_iterations: 1500, shortcuts: 60 },
+            rrt: RrtSettings { max_iterations: 1500, ..RrtSettings::default() },
             free: Margins { world: 0.010, own: 0.005, spread: 0.5 },
             near: Margins { world: 0.002, own: 0.003, spread: 0.0 },
             lifts: vec![0.20, 0.15, 0.25, 0.10],

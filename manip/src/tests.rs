@@ -247,3 +247,73 @@ fn most_random_scenes_have_a_plan_for_every_object() {
 fn sweep() -> u64 {
     std::env::var("GRIP_SWEEP").ok().and_then(|s| s.parse().ok()).unwrap_or(5)
 }
+
+#[test]
+fn eight_configurations_at_once_collide_when_one_of_them_does() {
+    use crate::collision::batch::Batch;
+    use crate::testing::box_model;
+    use grip_sim::lanes::{F8, LANES};
+    let belief = groceries();
+    let planner = planner();
+    let (solver, robot) = (planner.solver(), planner.robot());
+    let checker = CollisionChecker::new(robot.clone(), &belief);
+    let crate_model = box_model("crate", [0.08, 0.05, 0.2]);
+    let held = Held::new(&crate_model, 1, nalgebra::Isometry3::translation(0.05, 0.0, 0.0));
+    let allowed = crate::grasp::hand_may_touch(robot, 2);
+    let mut rng = grip_sim::rng::stream(4, "batch");
+    let space = solver.space(0.0);
+    let mut q = ready();
+    let mut counts = [0; 2];
+    for (held, margin) in [(None, 0.0), (Some(&held), 0.01)] {
+        // Links are posed in single precision, and GJK in it ends within a thousandth of a distance.
+        let query = |more: f64| Query {
+            held,
+            allowed: &allowed,
+            margins: Margins { world: margin + more, own: 0.5 * margin + more, spread: 0.5 },
+        };
+        let exact = query(0.0);
+        let batch = Batch::new(&checker, &exact, solver.joints(), &q);
+        for _ in 0..1500 {
+            let groups: Vec<Vec<f64>> = (0..LANES).map(|_| space.sample(&mut rng)).collect();
+            let lanes: Vec<F8> =
+                (0..space.dim()).map(|j| F8(std::array::from_fn(|lane| groups[lane][j] as f32))).collect();
+            // Each alone in all lanes, and all together.
+            let mut one_collides = false;
+            for group in &groups {
+                let alone: Vec<F8> = group.iter().map(|v| F8::all(*v as f32)).collect();
+                let found = batch.any_collides(&alone);
+                one_collides |= found;
+                solver.scatter(group, &mut q);
+                let collides = |more: f64| checker.in_collision(&q, &query(more)).is_some();
+                assert!(if found { collides(3e-5) } else { !collides(-3e-5) }, "{found}: {group:?}");
+                counts[usize::from(found)] += 1;
+            }
+            assert_eq!(batch.any_collides(&lanes), one_collides);
+        }
+    }
+    assert!(counts.iter().all(|n| *n > 1000), "{counts:?}");
+}
+
+#[test]
+fn a_way_out_of_a_narrow_place_is_free_and_leads_away() {
+    let belief = groceries();
+    let planner = planner();
+    let checker = CollisionChecker::new(planner.robot().clone(), &belief);
+    let plan = plan(&belief, 1, 1);
+    let Action::Move { trajectory, .. } = &plan.steps[2].action else { panic!("{:?}", plan.steps[2].name) };
+    let mut q = ready();
+    planner.solver().scatter(trajectory.first(), &mut q);
+    let query =
+        Query { held: None, allowed: &[], margins: Margins { world: 0.001, own: 0.001, spread: 0.0 } };
+    let space = planner.solver().space(0.0);
+    let edges = crate::edge::EdgeCheck::new(&checker, query, &space, planner.solver(), &q, 0.002);
+    let chain = planner.way_out(&checker, &query, &space, &edges, &q);
+    let clearance = |group: &[f64]| {
+        let mut q = q.clone();
+        planner.solver().scatter(group, &mut q);
+        checker.clearance(&q, &query, 0.5)
+    };
+    assert!(chain.len() > 5, "{}", chain.len());
+    assert!(clearance(&chain[chain.len() - 1]) > clearance(&chain[0]) + 0.05);
+    assert!(chain.iter().all(|group| clearance(group) > 0.001));
+}

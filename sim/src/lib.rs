@@ -11,7 +11,7 @@
 //! | [`camera`], [`images`], [`frame`] | pinhole cameras, image types, and the frame that perception gets |
 //! | [`bop`] | data sets in the format of the BOP challenge, read and written |
 //! | [`convert`] | our geometry as parry's and rapier's |
-//! | [`gpu`] | opening a graphics adapter |
+//! | [`gpu`], [`lanes`] | opening a graphics adapter; eight floats at a time on the CPU |
 //! | [`render`], [`sensor`], [`condition`] | renderers (wgpu and CPU), depth and colour noise, scripted conditions |
 //! | `physics` | the rapier world; only with the feature `physics`, which perception and manipulation never enable |
 //!
@@ -25,6 +25,7 @@ pub mod error;
 pub mod frame;
 pub mod gpu;
 pub mod images;
+pub mod lanes;
 pub mod mesh;
 pub mod objects;
 #[cfg(feature = "physics")]

@@ -7,6 +7,7 @@ mod eval;
 mod explain;
 mod objects;
 mod pack;
+mod plan;
 mod render;
 mod robot;
 mod scenes;
@@ -38,6 +39,7 @@ impl Done {
 pub fn run(cli: Cli) -> anyhow::Result<Done> {
     match cli.command {
         Command::Pack(args) => pack::run(&args),
+        Command::Plan(args) => plan::run(&args),
         Command::Render(args) => render::run(&args),
         Command::Scenes(args) => scenes::run(&args),
         Command::Detect(args) => detect::run(&args),

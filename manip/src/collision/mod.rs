@@ -4,6 +4,8 @@
 //! each convex piece against the oriented box of the other; GJK (parry). A pair counts as colliding when it is closer
 //! than a margin. Everything is in the robot's base frame, in single precision.
 
+pub(crate) mod batch;
+mod cover;
 mod robot;
 mod solid;
 
@@ -14,8 +16,9 @@ use grip_sim::objects::ObjectModel;
 use nalgebra::Isometry3;
 use parry3d::math::{Pose, Vector};
 
+pub use cover::Ball;
 use robot::LinkSolids;
-pub use robot::RobotSolids;
+pub use robot::{CoverSummary, RobotSolids};
 use solid::{Piece, distance, near, pose32};
 
 use crate::belief::BeliefScene;
@@ -71,6 +74,7 @@ impl Held {
         let pieces: Vec<Piece> =
             model.collision.iter().map(|s| Piece::new(s, &gripper_from_object)).collect();
         let extent = pieces.iter().flat_map(Piece::corners).fold(0.0_f32, |m, c| m.max(c.length()));
+        let pieces = pieces.into_iter().map(Piece::with_row_of_balls).collect();
         Self { solids: LinkSolids::new(pieces, true), object, gripper_from_object, extent: f64::from(extent) }
     }
 }

@@ -6,17 +6,34 @@ use grip_sim::robot::{JointKind, RobotConfig, RobotModel};
 use nalgebra::Isometry3;
 use parry3d::math::Vector;
 
+use super::cover::Ball;
 use super::solid::Piece;
 
 /// Solids fixed to one link, in its frame.
-#[derive(Debug, Clone, Default)]
+#[derive(Debug, Clone)]
 pub(crate) struct LinkSolids {
     pub pieces: Vec<Piece>,
     /// Bounding ball.
     pub center: Vector,
     pub radius: f32,
+    /// About the pieces' closely covering balls.
+    pub bound: Ball,
     /// Moves against the base.
     pub moves: bool,
+}
+
+/// Most that a ball of the robot's cover is to stick out of a solid, metres, and the most balls of a solid.
+const COVER: (f32, usize) = (0.04, 4);
+
+/// How the balls cover the robot.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct CoverSummary {
+    /// Balls of all links.
+    pub balls: usize,
+    /// Farthest that one sticks out of its solid, metres.
+    pub worst: f64,
+    /// Mean over the balls.
+    pub mean: f64,
 }
 
 impl LinkSolids {
@@ -25,7 +42,8 @@ impl LinkSolids {
         let n = points().count().max(1) as f32;
         let center = points().fold(Vector::ZERO, |sum, (c, _)| sum + c) / n;
         let radius = points().fold(0.0_f32, |r, (c, ball)| r.max((c - center).length() + ball));
-        Self { pieces, center, radius, moves }
+        let balls: Vec<Ball> = pieces.iter().flat_map(|p| p.balls.iter().copied()).collect();
+        Self { bound: Ball::about_balls(&balls), pieces, center, radius, moves }
     }
 }
 
@@ -69,7 +87,8 @@ impl RobotSolids {
             .iter()
             .zip(&moves)
             .map(|(link, &moves)| {
-                let pieces = link.collisions.iter().map(|s| Piece::new(s, &identity));
+                let pieces =
+                    link.collisions.iter().map(|s| Piece::new(s, &identity).with_balls(COVER.0, COVER.1));
                 LinkSolids::new(pieces.collect(), moves)
             })
             .collect();
@@ -102,6 +121,26 @@ impl RobotSolids {
             .map(|(c, o)| (c, (o.translation.vector - c.translation.vector) / 0.01))
             .collect();
         Self { links, pairs, gripper, fingers, finger_links, hand, hand_closed, model }
+    }
+
+    /// How closely balls cover the robot: what they keep clear of, the robot keeps clear of.
+    pub fn cover(&self) -> CoverSummary {
+        let errors: Vec<f64> = self
+            .links
+            .iter()
+            .flat_map(|link| &link.pieces)
+            .flat_map(|piece| {
+                piece.balls.iter().map(|ball| {
+                    let center = piece.pose.inverse_transform_point(ball.center);
+                    f64::from(Ball { center, ..*ball }.error(&piece.solid))
+                })
+            })
+            .collect();
+        CoverSummary {
+            balls: errors.len(),
+            worst: errors.iter().copied().fold(0.0, f64::max),
+            mean: errors.iter().sum::<f64>() / errors.len().max(1) as f64,
+        }
     }
 
     /// Gripper from each link of the hand with `opening` metres between the pads.

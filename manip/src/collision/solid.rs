@@ -6,6 +6,8 @@ use parry3d::math::{Pose, Rotation, Vector};
 use parry3d::query::gjk::{self, CsoPoint, GJKResult, VoronoiSimplex};
 use parry3d::shape::SupportMap;
 
+use super::cover::Ball;
+
 /// Single precision copy of a transform.
 pub(crate) fn pose32(iso: &Isometry3<f64>) -> Pose {
     let (t, q) = (iso.translation.vector, iso.rotation);
@@ -57,6 +59,22 @@ impl SupportMap for Solid {
     }
 }
 
+/// Distance of a point of a solid's own frame from it, 0 inside.
+pub(crate) fn distance_from_point(solid: &Solid, p: Vector) -> f32 {
+    match solid {
+        Solid::Cuboid(half) => (p.abs() - *half).max(Vector::ZERO).length(),
+        Solid::Cylinder { half_height, radius } => {
+            let flat = (p.x.hypot(p.y) - radius).max(0.0);
+            flat.hypot((p.z.abs() - half_height).max(0.0))
+        }
+        Solid::Ball(radius) => (p.length() - radius).max(0.0),
+        Solid::Points(_) => {
+            let at = Pose::from_parts(p, Rotation::IDENTITY);
+            distance(&at, solid, &Solid::Ball(0.0), f32::INFINITY)
+        }
+    }
+}
+
 /// A convex solid fixed to an owner: a link, the held object, or the base frame.
 #[derive(Debug, Clone)]
 pub(crate) struct Piece {
@@ -69,6 +87,10 @@ pub(crate) struct Piece {
     /// Balls of radius `ball` about these points of the owner's frame cover the solid.
     pub cover: Vec<Vector>,
     pub ball: f32,
+    /// Balls of the owner's frame that cover the solid closely, for pieces that move.
+    pub balls: Vec<Ball>,
+    /// The axes of the solid's frame in the owner's frame.
+    pub axes: [Vector; 3],
 }
 
 /// At most so many covering balls a piece.
@@ -103,7 +125,29 @@ impl Piece {
         );
         let (center, half) = ((high + low) * 0.5, (high - low) * 0.5);
         let (cover, ball) = cover(center, half);
-        Self { solid, center, half, cover: cover.into_iter().map(|c| pose * c).collect(), ball, pose }
+        Self {
+            solid,
+            center,
+            half,
+            cover: cover.into_iter().map(|c| pose * c).collect(),
+            ball,
+            balls: Vec::new(),
+            axes: [Vector::X, Vector::Y, Vector::Z].map(|axis| pose.rotation * axis),
+            pose,
+        }
+    }
+
+    /// With the balls of its row as those that cover it.
+    pub fn with_row_of_balls(mut self) -> Self {
+        self.balls = self.cover.iter().map(|&center| Ball { center, radius: self.ball }).collect();
+        self
+    }
+
+    /// With at most `most` balls that cover it and stick out at most `error` metres where that many can.
+    pub fn with_balls(mut self, error: f32, most: usize) -> Self {
+        let balls = super::cover::cover(&self.solid, error, most);
+        self.balls = balls.iter().map(|b| Ball { center: self.pose * b.center, radius: b.radius }).collect();
+        self
     }
 
     /// The squared distance of a point of the owner's frame from the bounding box.

@@ -1,8 +1,8 @@
 //! A rendered hypothesis against the frame, pixel by pixel.
 
-use super::lanes::{F8, LANES, blocks, per_machine};
 use super::observation::Level;
 use super::raster::Tile;
+use grip_sim::lanes::{F8, LANES, blocks, per_machine};
 
 /// Sums over a rendered tile.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]

@@ -3,7 +3,7 @@
 use meshopt::SimplifyOptions;
 use nalgebra::{Point3, Vector3};
 
-use super::lanes::{F8, LANES};
+use grip_sim::lanes::{F8, LANES};
 
 /// A simplified mesh, in blocks for the kernels.
 #[derive(Debug, Clone)]

@@ -7,7 +7,6 @@
 
 mod compare;
 mod gpu;
-pub(crate) mod lanes;
 mod lod;
 mod observation;
 mod raster;
@@ -24,15 +23,14 @@ use nalgebra::Isometry3;
 
 pub use self::compare::Terms;
 pub use self::gpu::{Gpu, GpuRenderer};
-pub use self::lanes::Isa;
 pub use self::lod::Lod;
 pub use self::observation::{Level, Observation, STRIDES};
 pub use self::raster::{Extent, FlatPlane};
 pub use self::renderer::{HypothesisRenderer, HypothesisRendererChoice};
 
-pub(crate) use self::lanes::per_machine;
 pub(crate) use self::lod::{simplify, weld};
 pub(crate) use self::raster::{Raster, Tile, render_on};
+pub use grip_sim::lanes::Isa;
 
 use self::compare::compare;
 use self::refine::{accumulate, step};

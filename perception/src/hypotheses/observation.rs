@@ -8,11 +8,11 @@ use grip_sim::frame::CameraFrame;
 use nalgebra::Point3;
 use rayon::prelude::*;
 
-use super::lanes::LANES;
 use super::raster::FlatPlane;
 use crate::detector::is_reading;
 use crate::grip::GripSettings;
 use crate::plane::{Plane, Support, fit_support_plane};
+use grip_sim::lanes::LANES;
 
 /// The strides that are prepared.
 pub const STRIDES: [usize; 4] = [1, 2, 4, 8];

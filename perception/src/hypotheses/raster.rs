@@ -8,9 +8,9 @@
 
 use nalgebra::{Isometry3, Vector3};
 
-use super::lanes::{F8, LANES, per_machine};
 use super::lod::Lod;
 use super::observation::Level;
+use grip_sim::lanes::{F8, LANES, per_machine};
 
 /// Points nearer than this are not rendered, metres.
 const NEAREST: f32 = 0.05;

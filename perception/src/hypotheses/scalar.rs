@@ -14,7 +14,7 @@ pub(crate) type Picture = HashMap<(i32, i32), f64>;
 /// Draws a mesh by barycentric coordinates; `slack` is how far outside of its edges a triangle is drawn, pixels.
 pub(crate) fn picture(lod: &Lod, pose: &Isometry3<f32>, level: &Level, slack: f64) -> Picture {
     let vertex = |i: u32| {
-        let (block, lane) = (i as usize / super::lanes::LANES, i as usize % super::lanes::LANES);
+        let (block, lane) = (i as usize / grip_sim::lanes::LANES, i as usize % grip_sim::lanes::LANES);
         let [x, y, z] = lod.blocks[block].map(|axis| f64::from(axis.0[lane]));
         let p = pose.cast::<f64>() * Point3::new(x, y, z);
         let (fx, fy) = (f64::from(level.fx), f64::from(level.fy));

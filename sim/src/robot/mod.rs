@@ -7,6 +7,7 @@
 //! | `resolve` | `package://`, `file://` and relative mesh paths |
 //! | `mesh_files`, `collada`, `primitives`, `hull` | meshes for drawing and convex hulls for collision |
 //! | `kinematics` | forward kinematics and Jacobian on flat arrays |
+//! | `lanes` | forward kinematics of eight configurations at once |
 //! | `ik` | inverse kinematics: Levenberg-Marquardt within joint limits |
 //! | `k_chain` | the same robot as a chain of the `k` crate |
 //! | `config` | `fetch.toml`: groups, named poses, planning limits, camera, gripper |
@@ -35,6 +36,7 @@ mod hull;
 mod ik;
 mod k_chain;
 mod kinematics;
+mod lanes;
 mod load;
 mod mesh_files;
 mod primitives;
@@ -50,6 +52,7 @@ use nalgebra::{Isometry3, Matrix3, Point3, Unit, Vector3};
 pub use config::{CameraConfig, GripperConfig, HeadConfig, NamedPose, PlanningLimits, RobotConfig};
 pub use ik::{IkOutcome, IkRequest};
 pub use k_chain::{from_k, to_k};
+pub use lanes::{GroupKinematics, Pose8};
 
 use crate::error::{Error, Result};
 use crate::mesh::Visual;

@@ -3,8 +3,8 @@
 use std::ops::Range;
 
 use super::settings::{Holes, PaperSettings, Ranking};
-use crate::hypotheses::lanes::{F8, LANES, blocks, blocks_mut};
-use crate::hypotheses::{Isa, Level, per_machine};
+use crate::hypotheses::{Isa, Level};
+use grip_sim::lanes::{F8, LANES, blocks, blocks_mut, per_machine};
 
 /// A part of an image of inverse depth: what [`Smoothness`] is computed of.
 #[derive(Clone, Copy)]

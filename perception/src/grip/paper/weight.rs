@@ -5,7 +5,8 @@ use nalgebra::Isometry3;
 use super::features::{Features, Patch, Ranked, Smoothness, compute};
 use super::settings::{Centre, PaperSettings};
 use crate::detector::Detection;
-use crate::hypotheses::{Isa, Lod, Observation, Raster, Tile, per_machine, render};
+use crate::hypotheses::{Isa, Lod, Observation, Raster, Tile, render};
+use grip_sim::lanes::per_machine;
 
 /// The terms of W of one hypothesis, each 0 to 1.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]

@@ -232,7 +232,7 @@ impl GpuRenderer {
 
     fn mesh(&self, lod: &Arc<Lod>) -> Result<Mesh> {
         self.meshes.lock().unwrap_or_else(PoisonError::into_inner).get(lod, |lod| {
-            let lanes = |[x, y, z]: &[super::lanes::F8; 3]| {
+            let lanes = |[x, y, z]: &[grip_sim::lanes::F8; 3]| {
                 let (x, y, z) = (x.0, y.0, z.0);
                 (0..x.len()).map(move |i| [x[i], y[i], z[i], 0.0])
             };

@@ -3,6 +3,7 @@
 mod collision;
 mod fetch;
 mod ik;
+mod lanes;
 mod loading;
 
 use std::path::{Path, PathBuf};

@@ -4,18 +4,18 @@
 //! Every version does the same operations in the same order, lane by lane, and none fuses multiply and add: results are
 //! the same to the bit on every x86-64.
 //!
-//! This is the one place with `unsafe` in this crate: calling a function that was compiled for instructions which were
+//! This is the one place with `unsafe`: calling a function that was compiled for instructions which were
 //! detected.
 
 use std::ops::{Add, AddAssign, Div, Mul, Sub};
 
 /// Lanes of a block.
-pub(crate) const LANES: usize = 8;
+pub const LANES: usize = 8;
 
 /// A block of pixels or vertices.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[repr(align(32))]
-pub(crate) struct F8(pub [f32; LANES]);
+pub struct F8(pub [f32; LANES]);
 
 impl F8 {
     /// 0 to 7.
@@ -57,6 +57,16 @@ impl F8 {
         self.zip(other, |a, b| f32::from_bits((a.to_bits() as i32).max(b.to_bits() as i32) as u32))
     }
 
+    /// Without the sign.
+    #[inline(always)]
+    pub fn abs(self) -> Self {
+        let mut out = self.0;
+        for o in &mut out {
+            *o = f32::from_bits(o.to_bits() & 0x7fff_ffff);
+        }
+        Self(out)
+    }
+
     /// Square root.
     #[inline(always)]
     pub fn sqrt(self) -> Self {
@@ -77,6 +87,34 @@ impl F8 {
     #[inline(always)]
     pub fn positive(self, yes: Self, no: Self) -> Self {
         self.above(Self::ZERO, yes, no)
+    }
+
+    /// Sine and cosine of angles within some hundred turns, to 3e-7: quarter turns taken off, then the polynomials of Cephes
+    /// (Moshier 1992) for single precision.
+    #[inline(always)]
+    pub fn sin_cos(self) -> (Self, Self) {
+        use std::f32::consts::FRAC_2_PI;
+        // A quarter turn in two parts, the first with bits to spare: its multiples are exact.
+        const QUARTER: [f32; 2] = [1.570_312_5, 4.838_267_9e-4];
+        // Adding it leaves the nearest whole number in the lowest bits.
+        const WHOLE: f32 = 12_582_912.0;
+        let (mut sin, mut cos) = (self.0, self.0);
+        for (s, c) in sin.iter_mut().zip(&mut cos) {
+            let x = *s;
+            let shifted = x * FRAC_2_PI + WHOLE;
+            let quarter = shifted.to_bits();
+            let n = shifted - WHOLE;
+            let x = (x - n * QUARTER[0]) - n * QUARTER[1];
+            let xx = x * x;
+            let odd = x + x * xx * (-1.666_665_5e-1 + xx * (8.332_161e-3 - xx * 1.951_529_6e-4));
+            let even =
+                1.0 - 0.5 * xx + xx * xx * (4.166_664_6e-2 + xx * (-1.388_731_6e-3 + xx * 2.443_315_7e-5));
+            let (a, b) = if quarter & 1 == 0 { (odd, even) } else { (even, odd) };
+            // The sign bits: sine turns negative for the quarters 2 and 3, cosine for 1 and 2.
+            *s = f32::from_bits(a.to_bits() ^ ((quarter & 2) << 30));
+            *c = f32::from_bits(b.to_bits() ^ ((quarter.wrapping_add(1) & 2) << 30));
+        }
+        (Self(sin), Self(cos))
     }
 
     /// Sum of the lanes, in a fixed order.
@@ -105,19 +143,71 @@ impl F8 {
     }
 }
 
+/// Eight vectors.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct V8 {
+    /// First components.
+    pub x: F8,
+    /// Second components.
+    pub y: F8,
+    /// Third components.
+    pub z: F8,
+}
+
+impl V8 {
+    /// One vector in all lanes.
+    #[inline(always)]
+    pub fn all(v: [f32; 3]) -> Self {
+        Self { x: F8::all(v[0]), y: F8::all(v[1]), z: F8::all(v[2]) }
+    }
+
+    /// Scalar product, lane by lane.
+    #[inline(always)]
+    pub fn dot(self, other: Self) -> F8 {
+        self.x * other.x + self.y * other.y + self.z * other.z
+    }
+
+    /// Times a number, lane by lane.
+    #[inline(always)]
+    pub fn times(self, s: F8) -> Self {
+        Self { x: self.x * s, y: self.y * s, z: self.z * s }
+    }
+
+    /// The vector in one lane.
+    pub fn lane(&self, i: usize) -> [f32; 3] {
+        [self.x.0[i], self.y.0[i], self.z.0[i]]
+    }
+}
+
+impl Add for V8 {
+    type Output = Self;
+    #[inline(always)]
+    fn add(self, other: Self) -> Self {
+        Self { x: self.x + other.x, y: self.y + other.y, z: self.z + other.z }
+    }
+}
+
+impl Sub for V8 {
+    type Output = Self;
+    #[inline(always)]
+    fn sub(self, other: Self) -> Self {
+        Self { x: self.x - other.x, y: self.y - other.y, z: self.z - other.z }
+    }
+}
+
 /// `count` blocks from value `at` on. Cut a row once, outside of the loop over its blocks: inside, no bounds are left to be
 /// checked.
 ///
 /// # Panics
 /// When there are fewer; buffers of kernels are padded for this.
 #[inline(always)]
-pub(crate) fn blocks(values: &[f32], at: usize, count: usize) -> &[[f32; LANES]] {
+pub fn blocks(values: &[f32], at: usize, count: usize) -> &[[f32; LANES]] {
     &values[at..at + count * LANES].as_chunks().0[..count]
 }
 
 /// [`blocks`] to be written.
 #[inline(always)]
-pub(crate) fn blocks_mut(values: &mut [f32], at: usize, count: usize) -> &mut [[f32; LANES]] {
+pub fn blocks_mut(values: &mut [f32], at: usize, count: usize) -> &mut [[f32; LANES]] {
     &mut values[at..at + count * LANES].as_chunks_mut().0[..count]
 }
 
@@ -145,8 +235,10 @@ impl AddAssign for F8 {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Isa(Set);
 
+/// The kinds of [`Isa`].
+#[doc(hidden)]
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Set {
+pub enum Set {
     Base,
     #[cfg(target_arch = "x86_64")]
     Avx2,
@@ -180,7 +272,8 @@ impl Isa {
         *BEST.get_or_init(|| Self::available().pop().unwrap_or(Self::BASE))
     }
 
-    pub(crate) fn set(self) -> Set {
+    #[doc(hidden)]
+    pub fn set(self) -> Set {
         self.0
     }
 }
@@ -205,14 +298,15 @@ impl std::fmt::Display for Isa {
 
 /// Defines a function that runs `$body` compiled for a set of instructions. The body must be `#[inline(always)]` down to
 /// the leaves, or its callees stay at the baseline.
+#[macro_export]
 macro_rules! per_machine {
     ($(#[$doc:meta])* $vis:vis fn $name:ident($($arg:ident: $type:ty),* $(,)?) -> $out:ty => $body:path) => {
         $(#[$doc])*
         #[inline]
-        $vis fn $name(isa: $crate::hypotheses::Isa, $($arg: $type),*) -> $out {
+        $vis fn $name(isa: $crate::lanes::Isa, $($arg: $type),*) -> $out {
             #[cfg(target_arch = "x86_64")]
             {
-                use $crate::hypotheses::lanes::Set;
+                use $crate::lanes::Set;
                 #[target_feature(enable = "avx2")]
                 fn avx2($($arg: $type),*) -> $out {
                     $body($($arg),*)
@@ -236,4 +330,21 @@ macro_rules! per_machine {
         }
     };
 }
-pub(crate) use per_machine;
+pub use crate::per_machine;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sine_and_cosine_are_right_in_every_quarter_and_many_turns_away() {
+        for k in -4000..4000 {
+            let x = k as f32 * 0.05 + 0.013;
+            let (sin, cos) = F8::all(x).sin_cos();
+            let (s, c) = f64::from(x).sin_cos();
+            // The angle itself is rounded to single precision only once, but is reduced in it.
+            assert!((f64::from(sin.0[3]) - s).abs() < 3e-7, "sin {x}");
+            assert!((f64::from(cos.0[3]) - c).abs() < 3e-7, "cos {x}");
+        }
+    }
+}

@@ -1,0 +1,179 @@
+//! `grip plan`: solves motion planning problems of MotionBenchMaker and checks the solutions.
+
+use std::sync::Arc;
+
+use anyhow::{Context, Result};
+use grip_manip::benchmark::{ProblemResult, ProblemStatus};
+use grip_manip::moveit::{find_problems, load_problem};
+use grip_manip::{Planner, PlannerSettings};
+use grip_sim::robot::{RobotConfig, RobotModel};
+use indicatif::ProgressBar;
+use rayon::prelude::*;
+use serde::Serialize;
+
+use super::Done;
+use crate::cli::PlanArgs;
+use crate::{assets, output};
+
+/// All problems of a folder, or those of a run.
+#[derive(Debug, Serialize)]
+struct Summary {
+    /// The folder's name, or `all`.
+    set: String,
+    problems: usize,
+    /// Start and goal are free in our model.
+    valid: usize,
+    solved: usize,
+    /// Of the solved: search and shortening together, milliseconds.
+    median_ms: f64,
+    mean_ms: f64,
+    p95_ms: f64,
+    max_ms: f64,
+    /// Medians of the parts, milliseconds: search, shortening, timing.
+    parts_ms: [f64; 3],
+    /// Median length of the shortened path, norm of joint values.
+    median_length: f64,
+    /// Median duration of the trajectory, seconds.
+    median_duration_s: f64,
+}
+
+/// Solves, checks and prints.
+pub fn run(args: &PlanArgs) -> Result<Done> {
+    let urdf = match &args.robot {
+        Some(path) => path.clone(),
+        None => assets::find("robots/fetch/fetch.urdf")?,
+    };
+    let robot = Arc::new(RobotModel::load(&urdf, &args.package_path)?);
+    let config = Arc::new(RobotConfig::load(&assets::find("robots/fetch/fetch.toml")?, &robot)?);
+    let problems = find_problems(&args.problems)?
+        .iter()
+        .map(|(request, scene)| load_problem(request, scene, &robot, &config))
+        .collect::<Result<Vec<_>, _>>()?;
+    let planner = Planner::new(robot, config, PlannerSettings::default());
+    let pool = rayon::ThreadPoolBuilder::new()
+        .num_threads(args.jobs)
+        .build()
+        .context("cannot start the workers; try --jobs 1")?;
+    let progress = ProgressBar::new(problems.len() as u64);
+    let results: Vec<ProblemResult> = pool.install(|| {
+        problems
+            .par_iter()
+            .map(|problem| {
+                let (result, _) = planner.solve(problem, args.seed);
+                progress.inc(1);
+                result
+            })
+            .collect()
+    });
+    progress.finish_and_clear();
+
+    let mut sets: Vec<&str> = results.iter().map(set_of).collect();
+    sets.dedup();
+    let mut summaries: Vec<Summary> =
+        sets.iter().map(|set| summary(set, results.iter().filter(|r| set_of(r) == *set))).collect();
+    summaries.push(summary("all", results.iter()));
+    if args.json {
+        let cover = planner.robot().cover();
+        let json = serde_json::json!({
+            "schema": "grip.plan/1",
+            "urdf": urdf,
+            "seed": args.seed,
+            "jobs": args.jobs,
+            "cover": { "balls": cover.balls, "worst_m": cover.worst, "mean_m": cover.mean },
+            "summary": summaries,
+            "problems": results,
+        });
+        output::data(format_args!("{}", serde_json::to_string_pretty(&json)?))?;
+    } else {
+        output::data(format_args!("{}", table(&summaries)))?;
+        for r in results.iter().filter(|r| r.status != ProblemStatus::Solved) {
+            output::data(format_args!("{}: {}", r.name, r.reason.as_deref().unwrap_or("no path")))?;
+        }
+    }
+    let valid =
+        |r: &&ProblemResult| !matches!(r.status, ProblemStatus::InvalidStart | ProblemStatus::InvalidGoal);
+    let all = results.iter().filter(valid).all(|r| r.status == ProblemStatus::Solved);
+    Ok(if all { Done::Fully } else { Done::Short })
+}
+
+fn set_of(result: &ProblemResult) -> &str {
+    result.name.split('/').next().unwrap_or_default()
+}
+
+fn summary<'a>(set: &str, results: impl Iterator<Item = &'a ProblemResult> + Clone) -> Summary {
+    let solved: Vec<&ProblemResult> = results.clone().filter(|r| r.status == ProblemStatus::Solved).collect();
+    let invalid =
+        |r: &&ProblemResult| matches!(r.status, ProblemStatus::InvalidStart | ProblemStatus::InvalidGoal);
+    let sorted = |f: &dyn Fn(&ProblemResult) -> f64| {
+        let mut values: Vec<f64> = solved.iter().map(|r| f(r)).collect();
+        values.sort_by(f64::total_cmp);
+        values
+    };
+    let total = sorted(&|r| r.search_ms + r.simplify_ms);
+    let problems = results.clone().count();
+    Summary {
+        set: set.to_string(),
+        problems,
+        valid: problems - results.filter(invalid).count(),
+        solved: solved.len(),
+        median_ms: quantile(&total, 0.5),
+        mean_ms: total.iter().sum::<f64>() / total.len().max(1) as f64,
+        p95_ms: quantile(&total, 0.95),
+        max_ms: total.last().copied().unwrap_or(f64::NAN),
+        parts_ms: [
+            quantile(&sorted(&|r| r.search_ms), 0.5),
+            quantile(&sorted(&|r| r.simplify_ms), 0.5),
+            quantile(&sorted(&|r| r.timing_ms), 0.5),
+        ],
+        median_length: quantile(&sorted(&|r| r.path_length[1]), 0.5),
+        median_duration_s: quantile(&sorted(&|r| r.duration_s), 0.5),
+    }
+}
+
+/// Of sorted values, linear between two; NaN of none.
+fn quantile(sorted: &[f64], share: f64) -> f64 {
+    let Some(last) = sorted.len().checked_sub(1) else {
+        return f64::NAN;
+    };
+    let at = share * last as f64;
+    let (low, high) = (sorted[at.floor() as usize], sorted[at.ceil() as usize]);
+    low + (high - low) * at.fract()
+}
+
+fn table(summaries: &[Summary]) -> String {
+    let header = [
+        "problems",
+        "all",
+        "valid",
+        "solved",
+        "median ms",
+        "mean",
+        "p95",
+        "max",
+        "search",
+        "shorten",
+        "timing",
+        "length",
+        "motion s",
+    ];
+    let right: Vec<usize> = (1..header.len()).collect();
+    let rows = summaries.iter().map(|s| {
+        let ms = |v: f64| format!("{v:.2}");
+        [
+            s.set.clone(),
+            s.problems.to_string(),
+            s.valid.to_string(),
+            s.solved.to_string(),
+            ms(s.median_ms),
+            ms(s.mean_ms),
+            ms(s.p95_ms),
+            ms(s.max_ms),
+            ms(s.parts_ms[0]),
+            ms(s.parts_ms[1]),
+            ms(s.parts_ms[2]),
+            format!("{:.2}", s.median_length),
+            format!("{:.1}", s.median_duration_s),
+        ]
+    });
+    output::table(header, &right, rows)
+}
