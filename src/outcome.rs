@@ -2,6 +2,8 @@
 
 use serde::Serialize;
 
+use crate::motion_check::MotionCheck;
+
 /// Version of the trial result; changes with every change that could break a reader.
 pub const TRIAL_SCHEMA: &str = "grip.trial/1";
 
@@ -177,6 +179,8 @@ pub struct TrialResult {
     pub wall_s: f64,
     /// Simulated seconds.
     pub sim_s: f64,
+    /// What a check of all motions by the exact collision checker found afterwards.
+    pub motion_check: MotionCheck,
     /// Item by item, in the scene's order.
     pub items: Vec<ItemResult>,
     /// SHA-256 of the final state of the physics world.

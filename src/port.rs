@@ -7,6 +7,7 @@ use grip_manip::executor::{ControlTarget, Observer, ProtectiveStop, RobotPort, S
 use grip_manip::{GripperCommand, StepName};
 use grip_sim::physics::{Grip, STEP_HZ, World};
 
+use crate::motion_check::JointLog;
 use crate::score::Watch;
 
 /// A world that the port moves and the observer looks at in turn.
@@ -71,25 +72,32 @@ impl RobotPort for WorldPort<'_, '_> {
     }
 }
 
-/// Lets a [`Watch`] look at the world after every control period.
+/// Looks at the world after every control period: for the score, and to check the motion afterwards.
 pub struct Watcher<'a, 'w> {
     /// The world.
     pub world: &'a SharedWorld<'w>,
-    /// Who watches.
-    pub watch: Watch,
+    /// Who watches an attempt at an object.
+    pub watch: Option<Watch>,
+    /// Where the joints were.
+    pub log: &'a mut JointLog,
 }
 
 impl Observer for Watcher<'_, '_> {
-    fn tick(&mut self, step: StepName, _time: f64) {
-        if matches!(step, StepName::Close | StepName::Lift | StepName::Carry) {
-            self.watch.step(&self.world.borrow());
+    fn tick(&mut self, step: StepName, time: f64) {
+        let world = self.world.borrow();
+        self.log.push(time, world.joints());
+        if let Some(watch) = &mut self.watch
+            && matches!(step, StepName::Close | StepName::Lift | StepName::Carry)
+        {
+            watch.step(&world);
         }
     }
 
     fn step_done(&mut self, report: &StepReport) {
+        let Some(watch) = &mut self.watch else { return };
         match report.name {
-            StepName::Close => self.watch.closed(&self.world.borrow()),
-            StepName::Carry => self.watch.carried(),
+            StepName::Close => watch.closed(&self.world.borrow()),
+            StepName::Carry => watch.carried(),
             _ => {}
         }
     }

@@ -17,6 +17,7 @@ use indicatif::ProgressBar;
 use nalgebra::Point3;
 
 use crate::cli;
+use crate::motion_check::JointLog;
 use crate::outcome::{Clauses, ItemResult, Outcome, Stage, TRIAL_SCHEMA, TrialResult};
 use crate::pictures;
 use crate::port::{SharedWorld, Watcher, WorldPort};
@@ -124,6 +125,7 @@ pub fn run(
     let mut looks = Vec::new();
     let mut fruitless = 0;
     let mut handled = None;
+    let mut log = JointLog::default();
 
     loop {
         let open: Vec<usize> = (0..spec.items).filter(|&i| ledgers[i].is_open()).collect();
@@ -216,13 +218,15 @@ pub fn run(
         progress.set_message(format!("look {}: packing {}", look + 1, setup.models[i].info.name));
         let whereabouts = score::whereabouts(&world, &setup.scene);
         world.reset_peaks();
-        let (report, watch) = act(setup, &mut world, i, &plan);
+        let (report, watch) = act(setup, &mut world, i, &plan, &mut log);
         let ledger = &mut ledgers[i];
         ledger.attempts += 1;
         ledger.record_errors(errors[i]);
-        ledger.clauses = watch.clauses;
-        ledger.wrong_object = watch.wrong_object.is_some();
-        ledger.slip_m = watch.slip_m;
+        if let Some(watch) = watch {
+            ledger.clauses = watch.clauses;
+            ledger.wrong_object = watch.wrong_object.is_some();
+            ledger.slip_m = watch.slip_m;
+        }
         ledger.peak_force_n = ledger.peak_force_n.max(world.peak_force(i));
         ledger.failure = None;
         match failure_of(&report) {
@@ -235,7 +239,7 @@ pub fn run(
             let_go(&mut world);
         }
         let known = Held { object: i, released: ledgers[i].believed_packed };
-        go_home(setup, &mut world, &planner, belief, &belief_index, known, look);
+        go_home(setup, (&mut world, &mut log), &planner, belief, &belief_index, known, look);
         world.settle(CALM_S);
         note_losses(setup, &world, &mut ledgers, &whereabouts, i);
         handled = Some((i, whereabouts));
@@ -260,6 +264,7 @@ pub fn run(
         hypotheses: setup.hypotheses.name(),
         requested: spec.items,
         packed: items.iter().filter(|item| item.outcome == Outcome::Packed).count(),
+        motion_check: log.check(&planner, &setup.empty_belief()),
         wall_s: started.elapsed().as_secs_f64(),
         sim_s: world.time(),
         items,
@@ -288,10 +293,16 @@ fn let_go(world: &mut World) {
 }
 
 /// Carries out a plan for object `i` with the score watching.
-fn act(setup: &Setup, world: &mut World, i: usize, plan: &PickPlacePlan) -> (ExecutionReport, Watch) {
-    let watch = Watch::begin(world, i, setup.config.gripper.link);
+fn act(
+    setup: &Setup,
+    world: &mut World,
+    i: usize,
+    plan: &PickPlacePlan,
+    log: &mut JointLog,
+) -> (ExecutionReport, Option<Watch>) {
+    let watch = Some(Watch::begin(world, i, setup.config.gripper.link));
     let shared = SharedWorld::new(world);
-    let mut watcher = Watcher { world: &shared, watch };
+    let mut watcher = Watcher { world: &shared, watch, log };
     let report = execute(&mut WorldPort::new(&shared), plan, &ExecutorSettings::default(), &mut watcher);
     log::debug!("{}: {:?}", plan.object, plan.grasp);
     for step in &report.steps {
@@ -310,7 +321,7 @@ struct Held {
 /// and the next look has to do with what it sees.
 fn go_home(
     setup: &Setup,
-    world: &mut World,
+    (world, log): (&mut World, &mut JointLog),
     planner: &Planner,
     mut belief: BeliefScene,
     index: &[usize],
@@ -334,7 +345,8 @@ fn go_home(
         Ok(trajectory) => {
             let shared = SharedWorld::new(world);
             let mut port = WorldPort::new(&shared);
-            let report = execute_motion(&mut port, &trajectory, &ExecutorSettings::default(), &mut ());
+            let mut watcher = Watcher { world: &shared, watch: None, log };
+            let report = execute_motion(&mut port, &trajectory, &ExecutorSettings::default(), &mut watcher);
             if let Some((_, reason)) = report.failure() {
                 log::info!("on the way home: {reason}");
             }

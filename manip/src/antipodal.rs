@@ -8,8 +8,11 @@
 use grip_sim::objects::ObjectModel;
 use grip_sim::pose::{Gripper, Object, Pose};
 use grip_sim::robot::GripperConfig;
-use nalgebra::{Isometry3, Matrix3, Point3, Rotation3, Translation3, UnitQuaternion, Vector3};
+use nalgebra::{
+    Isometry3, Matrix2, Matrix3, Point3, Rotation3, Translation3, UnitQuaternion, Vector2, Vector3,
+};
 use rand::RngExt;
+use rayon::prelude::*;
 
 use crate::surface::{Surface, SurfacePoint};
 
@@ -60,6 +63,8 @@ pub struct GraspCandidate {
     pub cone_angle: f64,
     /// Middle of the contacts in the gripper's frame along the fingers, metres; 0 is the centre of the pads.
     pub contact_depth: f64,
+    /// How far the contacts spread in the direction in which they do least, one standard deviation, metres.
+    pub contact_spread: f64,
     /// The hand fits about the object with the gripper fully open, too.
     pub fits_wide: bool,
 }
@@ -77,10 +82,23 @@ pub struct PadContact {
     pub cone_angle: f64,
     /// Middle of the contacts along the fingers, gripper frame, metres.
     pub depth: f64,
+    /// How far the contacts spread in the direction in which they do least, one standard deviation, metres: 0 for a line,
+    /// about which the object would turn. The lesser of both sides.
+    pub spread: f64,
 }
 
 /// Depth of the contact patch: what a flat pad covers of a slightly curved surface.
 const PATCH: f64 = 0.0015;
+
+/// How closely [`pad_contact`] looks: rays along and across a pad. A coarse look is enough to refuse a grasp; only a fine one
+/// (every 3 mm) sees the rim of a can.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Look {
+    /// 5 by 3.
+    Coarse,
+    /// 21 by 9.
+    Fine,
+}
 
 /// Closes flat pads from `opening` on the object at `object_from_gripper`; none when a pad meets nothing.
 pub fn pad_contact(
@@ -88,50 +106,94 @@ pub fn pad_contact(
     pad_half: &Vector3<f64>,
     object_from_gripper: &Isometry3<f64>,
     opening: f64,
+    look: Look,
 ) -> Option<PadContact> {
-    const ALONG: [f64; 5] = [-0.8, -0.4, 0.0, 0.4, 0.8];
-    const ACROSS: [f64; 3] = [-0.75, 0.0, 0.75];
-    let closing = object_from_gripper * Vector3::y();
-    let side = |sign: f64| -> Option<(f64, f64, f64, [f64; 2])> {
-        let mut hits: Vec<(f64, SurfacePoint, [f64; 2])> = Vec::with_capacity(15);
-        for x in ALONG {
-            for z in ACROSS {
-                let at = [x * pad_half.x, z * pad_half.z];
-                let from = object_from_gripper * Point3::new(at[0], 0.5 * sign * opening, at[1]);
-                if let Some(hit) = surface.enter(&from, &(-closing * sign), opening) {
-                    let y = 0.5 * opening - (hit.point - from).norm();
-                    hits.push((y, hit, at));
-                }
-            }
-        }
-        // `y` is the height of the surface towards this pad.
-        let first = hits.iter().map(|h| h.0).fold(f64::NEG_INFINITY, f64::max);
-        if !first.is_finite() {
-            return None;
-        }
-        let mut normal = Vector3::zeros();
-        let (mut count, mut mean) = (0.0, [0.0, 0.0]);
-        for (y, hit, at) in &hits {
-            if *y >= first - PATCH {
-                normal += hit.normal;
-                count += 1.0;
-                mean = [mean[0] + at[0], mean[1] + at[1]];
-            }
-        }
-        let angle = normal.angle(&(closing * sign));
-        let share = count / (ALONG.len() * ACROSS.len()) as f64;
-        Some((first, share, angle, mean.map(|m| m / count)))
+    let (along, across) = match look {
+        Look::Coarse => (5, 3),
+        Look::Fine => (21, 9),
     };
-    let (left, right) = (side(1.0)?, side(-1.0)?);
+    let closing = object_from_gripper * Vector3::y();
+    let right = pad_side(surface, pad_half, object_from_gripper, opening, closing, [along, across])?;
+    let left = pad_side(surface, pad_half, object_from_gripper, opening, -closing, [along, across])?;
     // Contacts that do not face each other make a couple that turns the object.
-    let apart = (left.3[0] - right.3[0]).hypot(left.3[1] - right.3[1]);
-    let width = left.0 + right.0;
+    let apart = (left.center - right.center).norm();
+    let width = left.height + right.height;
     (apart < 0.015 && width > 0.001).then(|| PadContact {
         width,
-        center: 0.5 * (left.0 - right.0),
-        share: left.1.min(right.1),
-        cone_angle: left.2.max(right.2),
-        depth: 0.5 * (left.3[0] + right.3[0]),
+        center: 0.5 * (right.height - left.height),
+        share: left.share.min(right.share),
+        cone_angle: left.angle.max(right.angle),
+        depth: 0.5 * (left.center.x + right.center.x),
+        spread: left.spread.min(right.spread),
+    })
+}
+
+/// What one pad touches.
+struct PadSide {
+    /// Height of the surface towards the pad over the middle between the pads, metres.
+    height: f64,
+    /// Share of the pad in contact.
+    share: f64,
+    /// Between the mean normal and the closing axis, radians.
+    angle: f64,
+    /// Middle of the contacts on the pad, along and across, metres.
+    center: Vector2<f64>,
+    /// Standard deviation of the contacts in the direction in which they spread least, metres.
+    spread: f64,
+}
+
+/// Rays from a grid of `counts` points of the pad on the side `out` of the object's middle.
+fn pad_side(
+    surface: &Surface,
+    pad_half: &Vector3<f64>,
+    object_from_gripper: &Isometry3<f64>,
+    opening: f64,
+    out: Vector3<f64>,
+    counts: [usize; 2],
+) -> Option<PadSide> {
+    let place = |i: usize, n: usize| (2.0 * i as f64 + 1.0) / n as f64 - 1.0;
+    let mut hits: Vec<(f64, SurfacePoint, Vector2<f64>)> = Vec::with_capacity(counts[0] * counts[1]);
+    for i in 0..counts[0] {
+        for j in 0..counts[1] {
+            let at = Vector2::new(place(i, counts[0]) * pad_half.x, place(j, counts[1]) * pad_half.z);
+            let from = object_from_gripper * Point3::new(at.x, 0.0, at.y) + out * (0.5 * opening);
+            if let Some(hit) = surface.enter(&from, &-out, opening) {
+                hits.push((0.5 * opening - (hit.point - from).norm(), hit, at));
+            }
+        }
+    }
+    let found = hits.len();
+    if counts[0] > 5 {
+        // What is narrower than the grid, such as a rim, has edges.
+        let gripper_from_object = object_from_gripper.inverse();
+        let toward = object_from_gripper.inverse_transform_vector(&out).y;
+        for vertex in surface.edges() {
+            let p = gripper_from_object * vertex.point;
+            let height = p.y * toward;
+            let on_pad = p.x.abs() <= pad_half.x && p.z.abs() <= pad_half.z;
+            if on_pad && height > 0.0 && height <= 0.5 * opening {
+                hits.push((height, *vertex, Vector2::new(p.x, p.z)));
+            }
+        }
+    }
+    let height = hits.iter().map(|h| h.0).fold(f64::NEG_INFINITY, f64::max);
+    if !height.is_finite() {
+        return None;
+    }
+    let rays = counts[0] * counts[1];
+    let share = hits.iter().take(found).filter(|h| h.0 >= height - PATCH).count() as f64 / rays as f64;
+    hits.retain(|h| h.0 >= height - PATCH);
+    let count = hits.len() as f64;
+    let normal: Vector3<f64> = hits.iter().map(|h| h.1.normal).sum();
+    let center = hits.iter().map(|h| h.2).sum::<Vector2<f64>>() / count;
+    let scatter: Matrix2<f64> =
+        hits.iter().map(|h| (h.2 - center) * (h.2 - center).transpose()).sum::<Matrix2<f64>>() / count;
+    Some(PadSide {
+        height,
+        share,
+        angle: normal.angle(&out),
+        center,
+        spread: scatter.symmetric_eigenvalues().min().max(0.0).sqrt(),
     })
 }
 
@@ -159,48 +221,56 @@ pub fn antipodal_grasps(
 ) -> Vec<GraspCandidate> {
     let cone = cone(model, settings);
     let pairs = spread(contact_pairs(model, surface, settings, cone), settings.pairs);
-    let mut grasps = Vec::new();
-    for pair in &pairs {
-        for k in 0..settings.approaches {
-            let angle = std::f64::consts::TAU * k as f64 / settings.approaches as f64;
-            let rotation = orientation(&pair.axis, angle);
-            let approach = rotation * Vector3::x();
-            for &depth in &settings.depths {
-                let mut pose = Isometry3::from_parts(
-                    Translation3::from(pair.center.coords - approach * depth),
-                    rotation,
-                );
-                let opening = narrow_opening(pair.width, gripper);
-                let Some(contact) = pad_contact(surface, &gripper.pad_half_extents, &pose, opening) else {
-                    continue;
-                };
-                if contact.cone_angle > cone || contact.width > settings.max_width {
-                    continue;
-                }
-                pose.translation.vector += rotation * Vector3::y() * contact.center;
-                let opening = narrow_opening(contact.width, gripper);
-                // On the way in as well as at the grasp.
-                let clear = |opening: f64| {
-                    [0.0, 0.02, 0.05].iter().all(|back| {
-                        let mut at = pose;
-                        at.translation.vector -= approach * *back;
-                        hand_fits(&at, opening)
-                    })
-                };
-                if clear(opening) {
-                    grasps.push(GraspCandidate {
-                        object_from_gripper: Pose::new(pose),
-                        width: contact.width,
-                        contact_share: contact.share,
-                        cone_angle: contact.cone_angle,
-                        contact_depth: contact.depth,
-                        fits_wide: clear(gripper.opening),
-                    });
-                }
-            }
+    let of_pair = |pair: &Pair| held_about(pair, surface, gripper, settings, cone);
+    let held: Vec<(Isometry3<f64>, PadContact)> = pairs.par_iter().flat_map_iter(of_pair).collect();
+    // On the way in as well as at the grasp.
+    let clear = |pose: &Isometry3<f64>, opening: f64| {
+        [0.0, 0.02, 0.05].iter().all(|back| hand_fits(&(pose * Translation3::new(-back, 0.0, 0.0)), opening))
+    };
+    held.into_iter()
+        .filter(|(pose, contact)| clear(pose, narrow_opening(contact.width, gripper)))
+        .map(|(pose, contact)| GraspCandidate {
+            object_from_gripper: Pose::new(pose),
+            width: contact.width,
+            contact_share: contact.share,
+            cone_angle: contact.cone_angle,
+            contact_depth: contact.depth,
+            contact_spread: contact.spread,
+            fits_wide: clear(&pose, gripper.opening),
+        })
+        .collect()
+}
+
+/// How the pads can touch about one pair, from all sides and at all depths; the hand is not looked at.
+fn held_about(
+    pair: &Pair,
+    surface: &Surface,
+    gripper: &GripperConfig,
+    settings: &AntipodalSettings,
+    cone: f64,
+) -> Vec<(Isometry3<f64>, PadContact)> {
+    let mut found = Vec::new();
+    for k in 0..settings.approaches {
+        let angle = std::f64::consts::TAU * k as f64 / settings.approaches as f64;
+        let rotation = orientation(&pair.axis, angle);
+        let approach = rotation * Vector3::x();
+        for &depth in &settings.depths {
+            let mut pose =
+                Isometry3::from_parts(Translation3::from(pair.center.coords - approach * depth), rotation);
+            let opening = narrow_opening(pair.width, gripper);
+            let pad = &gripper.pad_half_extents;
+            let holds = |c: &PadContact| c.cone_angle <= cone && c.width <= settings.max_width;
+            let touched =
+                pad_contact(surface, pad, &pose, opening, Look::Coarse).filter(holds).and_then(|c| {
+                    let opening = narrow_opening(c.width, gripper).max(opening);
+                    pad_contact(surface, pad, &pose, opening, Look::Fine).filter(holds)
+                });
+            let Some(contact) = touched else { continue };
+            pose.translation.vector += rotation * Vector3::y() * contact.center;
+            found.push((pose, contact));
         }
     }
-    grasps
+    found
 }
 
 /// The opening for tight places: 12 mm of air on each side of the object.

@@ -44,8 +44,11 @@ pub struct GraspWeights {
     pub lever: f64,
     /// Room between pads and object against two standard deviations of the position. Default 1.0.
     pub room: f64,
-    /// Contact patch. Default 0.6.
+    /// Contact patch. Default 1.0.
     pub contact: f64,
+    /// Contacts that spread in both directions, full at 3 mm (one standard deviation): about a line, such as a can's rim, an
+    /// object turns in the hand. Default 0.8.
+    pub spread: f64,
     /// Contacts at the pads' centre rather than at their tips. Default 0.5.
     pub depth: f64,
     /// Normals along the closing axis. Default 0.4.
@@ -56,7 +59,16 @@ pub struct GraspWeights {
 
 impl Default for GraspWeights {
     fn default() -> Self {
-        Self { gravity: 1.0, lever: 1.2, room: 1.0, contact: 0.6, depth: 0.5, cone: 0.4, clearance: 0.6 }
+        Self {
+            gravity: 1.0,
+            lever: 1.2,
+            room: 1.0,
+            contact: 1.0,
+            spread: 0.8,
+            depth: 0.5,
+            cone: 0.4,
+            clearance: 0.6,
+        }
     }
 }
 
@@ -234,6 +246,7 @@ pub fn rank_grasps(
             + w.room * (room / (3.0 * sigma)).min(1.0)
             // A third of the pad is what a can gives.
             + w.contact * (candidate.contact_share / 0.34).min(1.0)
+            + w.spread * (candidate.contact_spread / 0.003).min(1.0)
             + w.depth * (1.0 - candidate.contact_depth.abs() / pad.x)
             + w.cone * candidate.cone_angle.cos();
         scored.push((score, lever, candidate, world_from_gripper));

@@ -20,6 +20,7 @@ pub struct SurfacePoint {
 #[derive(Debug)]
 pub struct Surface {
     mesh: TriMesh,
+    edges: Vec<SurfacePoint>,
     /// Running sum of the triangles' areas.
     area: Vec<f64>,
     /// Centre of mass of the solid of uniform density, or of the vertices when the mesh is not closed.
@@ -52,8 +53,14 @@ impl Surface {
             let total: Vector3<f64> = mesh.positions.iter().map(|p| p.coords.cast::<f64>()).sum();
             Point3::from(total / n)
         };
+        let edges = edge_points(mesh);
         let mesh = TriMesh::new(vertices, mesh.triangles.clone()).ok()?;
-        Some(Self { mesh, area, center_of_mass })
+        Some(Self { mesh, edges, area, center_of_mass })
+    }
+
+    /// The mesh's vertices, and points along its longer edges every 2 mm, with their normals: what rays on a grid may miss.
+    pub fn edges(&self) -> &[SurfacePoint] {
+        &self.edges
     }
 
     /// A point drawn uniformly by area.
@@ -100,6 +107,30 @@ impl Surface {
     pub fn leave(&self, from: &Point3<f64>, dir: &Vector3<f64>, max: f64) -> Option<SurfacePoint> {
         self.cast(from, dir, max, RayCullingMode::IgnoreFrontfaces)
     }
+}
+
+fn edge_points(mesh: &Mesh) -> Vec<SurfacePoint> {
+    const APART: f64 = 0.002;
+    let vertex = |i: u32| {
+        let normal = mesh.normals.get(i as usize).map_or_else(Vector3::zeros, |n| n.cast());
+        SurfacePoint { point: mesh.positions[i as usize].cast(), normal }
+    };
+    let mut points: Vec<SurfacePoint> = (0..mesh.positions.len() as u32).map(vertex).collect();
+    // Each inner edge belongs to two triangles that run along it in opposite directions.
+    for t in &mesh.triangles {
+        for (i, j) in [(t[0], t[1]), (t[1], t[2]), (t[2], t[0])].into_iter().filter(|(i, j)| i < j) {
+            let (a, b) = (vertex(i), vertex(j));
+            let n = ((b.point - a.point).norm() / APART).ceil().min(1e4) as usize;
+            points.extend((1..n).map(|k| {
+                let share = k as f64 / n as f64;
+                SurfacePoint {
+                    point: a.point + (b.point - a.point) * share,
+                    normal: a.normal.lerp(&b.normal, share),
+                }
+            }));
+        }
+    }
+    points
 }
 
 fn to_vector(v: &Vector3<f64>) -> Vector {

@@ -158,9 +158,12 @@ fn table(result: &TrialResult) -> String {
     let header = ["object", "outcome", "ADD-S mm", "slip mm", "peak N", "tries", "why"];
     let table = output::table(header, &[2, 3, 4, 5], rows);
     let hypotheses = if result.hypotheses == "cpu" { "" } else { ", hypotheses: gpu" };
+    let collisions: String = (result.motion_check.collisions.iter())
+        .map(|c| format!("\nin collision after {:.3} s: {}", c.time_s, c.bodies))
+        .collect();
     let mark = if result.estimator == "truth" { " [estimator: truth, a ceiling and no result]" } else { "" };
     format!(
-        "{table}\n\n{} of {} packed in {:.1} s ({:.1} s simulated), objects: {}, renderer: {}{hypotheses}{mark}",
+        "{table}\n\n{} of {} packed in {:.1} s ({:.1} s simulated), objects: {}, renderer: {}{hypotheses}{mark}{collisions}",
         result.packed, result.requested, result.wall_s, result.sim_s, result.object_set, result.renderer
     )
 }
