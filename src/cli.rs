@@ -92,6 +92,9 @@ pub struct PackArgs {
     /// earlier run there is replaced when this one is done.
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
+    /// Print the clauses of success item by item, each with the value that it was judged by.
+    #[arg(long, conflicts_with = "json")]
+    pub strict: bool,
     /// Print the result as one JSON object on stdout.
     #[arg(long)]
     pub json: bool,

@@ -121,6 +121,31 @@ impl Clauses {
     }
 }
 
+/// What the clauses were judged by, in their order. Nothing here decides anything.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
+pub struct Measures {
+    /// Force of the finger that pressed less when the lift began, newtons.
+    pub pinch_n: f64,
+    /// Dot product of the unit forces of the two fingers then; -1 is straight against each other.
+    pub pinch_dot: f64,
+    /// How far the object's lowest point had risen at most while it touched nothing but the hand, metres.
+    pub risen_m: f64,
+    /// How long the object had been pinched and clear of everything when the carry ended, seconds.
+    pub clear_s: f64,
+    /// How far it moved in the hand, metres.
+    pub slip_m: f64,
+    /// How far it turned in the hand, degrees.
+    pub slip_deg: f64,
+    /// How far its lowest point lies below the edge of the bin's walls at the end, metres; negative above it.
+    pub below_edge_m: f64,
+    /// Its speed at the end, m/s.
+    pub speed_m_s: f64,
+    /// Angle between its z axis and the vertical at the end, degrees.
+    pub tilt_deg: f64,
+    /// Other items that left the table or the bin during its attempts.
+    pub knocked_out: u32,
+}
+
 /// One item of a trial.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct ItemResult {
@@ -148,6 +173,8 @@ pub struct ItemResult {
     pub peak_force_n: f64,
     /// The clauses of success.
     pub clauses: Clauses,
+    /// What they were judged by.
+    pub measures: Measures,
 }
 
 /// A whole trial.

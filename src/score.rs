@@ -5,12 +5,12 @@
 
 use grip_perception::metrics;
 use grip_sim::objects::ObjectModel;
-use grip_sim::physics::World;
+use grip_sim::physics::{STEP_HZ, World};
 use grip_sim::pose::{Camera, Object, Pose};
 use grip_sim::scene::Scene;
 use nalgebra::{Isometry3, Point3, Vector3};
 
-use crate::outcome::Clauses;
+use crate::outcome::{Clauses, Measures};
 
 /// A finger counts as pressing from this force on, newtons.
 const PRESSING_N: f64 = 1.0;
@@ -38,6 +38,8 @@ pub struct Watch {
     clear_steps: u32,
     /// The clauses of success that concern the way of the object.
     pub clauses: Clauses,
+    /// What those were judged by.
+    pub measures: Measures,
     /// Gripper from object when the fingers had closed, for slip.
     held_at: Option<Isometry3<f64>>,
     /// Farthest that the object's origin moved in the hand while it was pinched, metres.
@@ -58,6 +60,7 @@ impl Watch {
             pinched_steps: 0,
             clear_steps: 0,
             clauses: Clauses::default(),
+            measures: Measures::default(),
             held_at: None,
             slip_m: None,
             slip_rad: 0.0,
@@ -76,12 +79,20 @@ impl Watch {
         self.slip_m = Some(self.slip_m.unwrap_or(0.0).max(moved.translation.vector.norm()));
         self.slip_rad = self.slip_rad.max(moved.rotation.angle());
         let risen = world.lowest_point(self.object) - self.start_lowest;
+        if clear {
+            self.measures.risen_m = self.measures.risen_m.max(risen);
+        }
         self.clauses.lifted_clear |= risen >= LIFT_M && clear;
     }
 
     /// The fingers have closed; the lift begins.
     pub fn closed(&mut self, world: &World) {
         self.clauses.opposing_contacts = self.pinched_steps >= PINCHED_STEPS;
+        let [right, left] = world.contacts(self.object).fingers.map(|finger| finger.force);
+        self.measures.pinch_n = right.norm().min(left.norm());
+        if self.measures.pinch_n > 0.0 {
+            self.measures.pinch_dot = right.normalize().dot(&left.normalize());
+        }
         self.held_at = Some(self.gripper_from_object(world));
         if !self.clauses.opposing_contacts {
             self.wrong_object = (0..world.object_count())
@@ -91,6 +102,9 @@ impl Watch {
 
     /// The carry is over.
     pub fn carried(&mut self) {
+        self.measures.clear_s = f64::from(self.clear_steps) / f64::from(STEP_HZ);
+        self.measures.slip_m = self.slip_m.unwrap_or(0.0);
+        self.measures.slip_deg = self.slip_rad.to_degrees();
         self.clauses.held_after_carry = self.clear_steps >= HELD_STEPS;
         self.clauses.slip_within =
             self.slip_m.is_some_and(|slip| slip <= SLIP_M) && self.slip_rad <= SLIP_DEG.to_radians();
@@ -129,17 +143,25 @@ fn model_points(model: &ObjectModel) -> Vec<Point3<f64>> {
 /// their edge, and nothing touched but the bin and other objects. An item across the rim or held by the robot is not.
 pub fn in_bin(world: &World, scene: &Scene, index: usize) -> bool {
     let centre = Point3::from(world.truth(index).translation());
-    let edge = scene.bin.world_from_bin().translation.z + scene.bin.wall_height;
     scene.bin.contains(&centre, world.object(index).diameter / 2.0)
-        && world.lowest_point(index) < edge
+        && below_edge_m(world, scene, index) > 0.0
         && !world.touches_beside_bin(index)
         && !world.contacts(index).touched_by_robot()
 }
 
+/// The angle between the z axis of object `index` and the vertical, degrees.
+pub fn tilt_deg(world: &World, index: usize) -> f64 {
+    world.truth(index).transform_vector(&Vector3::z()).angle(&Vector3::z()).to_degrees()
+}
+
+/// How far the lowest point of object `index` lies below the edge of the bin's walls, metres.
+pub fn below_edge_m(world: &World, scene: &Scene, index: usize) -> f64 {
+    scene.bin.world_from_bin().translation.z + scene.bin.wall_height - world.lowest_point(index)
+}
+
 /// Whether object `index` stands within the bound of upright, or is one that need not.
 pub fn upright(world: &World, index: usize) -> bool {
-    let up = world.truth(index).transform_vector(&Vector3::z());
-    !world.object(index).info.upright || up.z >= TILT_DEG.to_radians().cos()
+    !world.object(index).info.upright || tilt_deg(world, index) <= TILT_DEG
 }
 
 /// Whether object `index` has fallen off the table.

@@ -18,7 +18,7 @@ use nalgebra::Point3;
 
 use crate::cli;
 use crate::motion_check::JointLog;
-use crate::outcome::{Clauses, ItemResult, Outcome, Stage, TRIAL_SCHEMA, TrialResult};
+use crate::outcome::{Clauses, ItemResult, Measures, Outcome, Stage, TRIAL_SCHEMA, TrialResult};
 use crate::pictures;
 use crate::port::{SharedWorld, Watcher, WorldPort};
 use crate::report::LookPictures;
@@ -68,6 +68,7 @@ struct Ledger {
     believed_packed: Option<Pose<grip_sim::pose::World, grip_sim::pose::Object>>,
     failure: Option<(Outcome, Stage, String)>,
     clauses: Clauses,
+    measures: Measures,
     add_m: Option<f64>,
     adds_m: Option<f64>,
     estimate_s: f64,
@@ -224,6 +225,7 @@ pub fn run(
         ledger.record_errors(errors[i]);
         if let Some(watch) = watch {
             ledger.clauses = watch.clauses;
+            ledger.measures = Measures { knocked_out: ledger.measures.knocked_out, ..watch.measures };
             ledger.wrong_object = watch.wrong_object.is_some();
             ledger.slip_m = watch.slip_m;
         }
@@ -279,6 +281,7 @@ fn note_losses(setup: &Setup, world: &World, ledgers: &mut [Ledger], before: &[W
     for other in score::knocked_out(before, &after, handled) {
         ledgers[other].knocked_out = true;
         ledgers[handled].knocked_others = true;
+        ledgers[handled].measures.knocked_out += 1;
     }
 }
 
@@ -499,7 +502,9 @@ fn finish(setup: &Setup, world: &World, ledgers: &mut [Ledger], items: usize) ->
             ledger.clauses.in_bin = score::in_bin(world, &setup.scene, i) && world.speed(i) < AT_REST_M_S;
             ledger.clauses.upright = score::upright(world, i);
             ledger.clauses.nothing_knocked_out = !ledger.knocked_others;
-            log::debug!("{}: {:.2} mm/s", setup.models[i].info.name, world.speed(i) * 1e3);
+            ledger.measures.below_edge_m = score::below_edge_m(world, &setup.scene, i);
+            ledger.measures.speed_m_s = world.speed(i);
+            ledger.measures.tilt_deg = score::tilt_deg(world, i);
             let (outcome, stage, reason) = verdict(ledger);
             ItemResult {
                 object: setup.models[i].info.name.clone(),
@@ -514,6 +519,7 @@ fn finish(setup: &Setup, world: &World, ledgers: &mut [Ledger], items: usize) ->
                 slip_m: ledger.slip_m,
                 peak_force_n: ledger.peak_force_n,
                 clauses: ledger.clauses,
+                measures: ledger.measures,
             }
         })
         .collect()

@@ -77,6 +77,37 @@ fn the_same_seed_gives_the_same_trial_and_the_schema_holds() {
         let clauses = item["clauses"].as_object().unwrap();
         let all = clauses.values().all(|v| v == true);
         assert!(item["outcome"] != "packed" || all, "{item}");
+        // What the clauses were judged by says the same.
+        let value = |key: &str| item["measures"][key].as_f64().unwrap();
+        if all {
+            assert!(value("pinch_n") >= 1.0 && value("pinch_dot") <= -0.3, "{item}");
+            assert!(value("risen_m") >= 0.03 && value("clear_s") >= 0.1, "{item}");
+            assert!(value("slip_m") <= 0.02 && value("slip_deg") <= 20.0, "{item}");
+            assert!(value("below_edge_m") > 0.0 && value("speed_m_s") < 0.01, "{item}");
+        }
+    }
+    // Four milliseconds a control period, five checks in each, while the robot moved.
+    let check = &first["motion_check"];
+    assert!(check["checked"].as_u64().unwrap() > 20_000, "{check}");
+    assert_eq!(check["collisions"], serde_json::json!([]));
+}
+
+#[test]
+fn strict_prints_every_clause_with_its_value() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("run");
+    let args = ["pack", "--estimator", "truth", "--items", "1", "--renderer", "cpu", "--strict", "--out"];
+    let output = common::grip(&[&args[..], &[out.to_str().unwrap()]].concat());
+    let text = stdout(&output);
+    for clause in
+        ["opposing contacts", "lifted clear", "held after carry", "slip within bounds", "at rest in the bin"]
+    {
+        let line =
+            text.lines().find(|line| line.contains(clause)).unwrap_or_else(|| panic!("no {clause}: {text}"));
+        assert!(
+            line.contains("yes") && line.contains("at ") && line.chars().any(|c| c.is_ascii_digit()),
+            "{line}"
+        );
     }
 }
 

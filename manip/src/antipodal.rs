@@ -403,6 +403,27 @@ mod tests {
     }
 
     #[test]
+    fn a_rim_of_a_millimetre_is_felt_and_a_line_of_contact_does_not_spread() {
+        let objects = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../scenes/objects.toml");
+        let library =
+            grip_sim::objects::ObjectLibrary::open(&objects, grip_sim::objects::ObjectSet::BuiltIn).unwrap();
+        let can = library.load("010_potted_meat_can").unwrap();
+        let surface = Surface::new(&can.visual.mesh).unwrap();
+        let (_, config) = fetch();
+        let pad = config.gripper.pad_half_extents;
+        // Lid to bottom, from the side, over the middle of a straight edge: the rims stand 83.5 mm apart.
+        let down = Matrix3::from_columns(&[-Vector3::y(), -Vector3::z(), Vector3::x()]);
+        let rotation = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(down));
+        let at = |x: f64| Isometry3::from_parts(Translation3::new(x, 0.025, 0.0), rotation);
+        let edge = pad_contact(&surface, &pad, &at(0.0), 0.1, Look::Fine).unwrap();
+        assert!((edge.width - 0.0835).abs() < 2e-4, "{edge:?}");
+        assert!(edge.spread < 0.001, "{edge:?}");
+        // Over a corner the rim bends: two directions.
+        let corner = pad_contact(&surface, &pad, &at(0.042), 0.1, Look::Fine).unwrap();
+        assert!((corner.width - 0.0835).abs() < 2e-4 && corner.spread > 0.002, "{corner:?}");
+    }
+
+    #[test]
     fn too_large_for_the_gripper_means_no_grasp_and_the_search_repeats() {
         assert!(grasps(&box_model("crate", [0.2, 0.2, 0.2])).is_empty());
         let model = box_model("b", [0.04, 0.06, 0.1]);

@@ -47,7 +47,7 @@ pub struct GraspWeights {
     /// Contact patch. Default 1.0.
     pub contact: f64,
     /// Contacts that spread in both directions, full at 3 mm (one standard deviation): about a line, such as a can's rim, an
-    /// object turns in the hand. Default 0.8.
+    /// object turns in the hand. Default 2.0, which outweighs the lever of a can's corner.
     pub spread: f64,
     /// Contacts at the pads' centre rather than at their tips. Default 0.5.
     pub depth: f64,
@@ -64,7 +64,7 @@ impl Default for GraspWeights {
             lever: 1.2,
             room: 1.0,
             contact: 1.0,
-            spread: 0.8,
+            spread: 2.0,
             depth: 0.5,
             cone: 0.4,
             clearance: 0.6,

@@ -199,10 +199,7 @@ pub fn rrt_connect(
         };
         let target = trees[a].nodes[new].clone();
         let mut tip = trees[b].nearest(space, &target);
-        loop {
-            let Some((next, arrived)) = trees[b].extend(space, validity, tip, &target, settings) else {
-                break;
-            };
+        while let Some((next, arrived)) = trees[b].extend(space, validity, tip, &target, settings) {
             tip = next;
             if arrived {
                 let (from_start, from_goal) = if a == 0 { (new, tip) } else { (tip, new) };

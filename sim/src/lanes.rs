@@ -95,7 +95,7 @@ impl F8 {
     pub fn sin_cos(self) -> (Self, Self) {
         use std::f32::consts::FRAC_2_PI;
         // A quarter turn in two parts, the first with bits to spare: its multiples are exact.
-        const QUARTER: [f32; 2] = [1.570_312_5, 4.838_267_9e-4];
+        const QUARTER: [f32; 2] = [1.570_312_5, 4.838_268e-4];
         // Adding it leaves the nearest whole number in the lowest bits.
         const WHOLE: f32 = 12_582_912.0;
         let (mut sin, mut cos) = (self.0, self.0);

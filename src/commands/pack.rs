@@ -63,6 +63,9 @@ pub fn run(args: &PackArgs) -> Result<Done> {
         output::data(format_args!("{}", serde_json::to_string_pretty(&trial.result)?))?;
     } else {
         output::data(format_args!("{}", table(&trial.result)))?;
+        if args.strict {
+            output::data(format_args!("\n{}", clauses(&trial.result)))?;
+        }
     }
     let page = folder.join("report.html");
     output::message(format_args!("report: {}", page.display()));
@@ -140,6 +143,31 @@ fn save(run: &RunDir, setup: &Setup, args: &PackArgs, network: Option<String>, t
         run.write("summary.png", pictures::rgb_png(&pictures::sheet(&sheet, 2))?)?;
     }
     run.write("report.html", report::html(&trial.result, &trial.looks, before, &trial.after)?)
+}
+
+/// Each clause of each item that was tried, with its value and its bound.
+fn clauses(result: &TrialResult) -> String {
+    let rows = result.items.iter().filter(|item| item.attempts > 0).flat_map(|item| {
+        let m = &item.measures;
+        let values = [
+            format!("{:.1} N, dot product {:.2} (at least 1 N for 25 ms, at most -0.3)", m.pinch_n, m.pinch_dot),
+            format!("rose {:.0} mm (at least 30, touching nothing)", 1e3 * m.risen_m),
+            format!("for {:.2} s at the end of the carry (at least 0.1)", m.clear_s),
+            format!("{:.1} mm and {:.1} degrees (at most 20 and 20)", 1e3 * m.slip_m, m.slip_deg),
+            format!(
+                "{:.0} mm below the edge, {:.1} mm/s (centre within the walls, under 10 mm/s, touching only bin and items)",
+                1e3 * m.below_edge_m,
+                1e3 * m.speed_m_s
+            ),
+            format!("leans {:.0} degrees (at most 30 if it must stand)", m.tilt_deg),
+            format!("{} other items (none)", m.knocked_out),
+        ];
+        item.clauses.by_name().into_iter().zip(values).enumerate().map(|(i, ((name, holds), value))| {
+            let object = if i == 0 { item.object.clone() } else { String::new() };
+            [object, name.to_string(), if holds { "yes" } else { "NO" }.to_string(), value]
+        })
+    });
+    output::table(["object", "clause", "holds", "measured"], &[], rows)
 }
 
 fn table(result: &TrialResult) -> String {
