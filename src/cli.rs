@@ -85,6 +85,9 @@ pub struct PackArgs {
     /// Who renders pose hypotheses.
     #[arg(long, value_enum, default_value_t = Hypotheses::Cpu)]
     pub hypotheses: Hypotheses,
+    /// Whether grasps are scored at the best pose alone or over the posterior.
+    #[arg(long, value_enum, default_value_t = GraspAt::Posterior)]
+    pub grasp_at: GraspAt,
     /// Pack only the first K objects of the scene; the others stay as clutter.
     #[arg(long, value_name = "K")]
     pub items: Option<usize>,
@@ -98,6 +101,24 @@ pub struct PackArgs {
     /// Print the result as one JSON object on stdout.
     #[arg(long)]
     pub json: bool,
+}
+
+/// Poses at which grasps are scored.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum GraspAt {
+    /// The best pose.
+    Best,
+    /// Weighted poses of the posterior.
+    Posterior,
+}
+
+impl From<GraspAt> for grip_manip::GraspAt {
+    fn from(at: GraspAt) -> Self {
+        match at {
+            GraspAt::Best => Self::Best,
+            GraspAt::Posterior => Self::Posterior,
+        }
+    }
 }
 
 /// `grip plan`.

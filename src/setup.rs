@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use anyhow::{Context, Result};
-use grip_manip::{BeliefScene, BinGeometry, Planner, PlannerSettings};
+use grip_manip::{BeliefScene, BinGeometry, GraspAt, Planner, PlannerSettings};
 use grip_perception::{
     ClusterSettings, Clusters, Detection, Detections, GripEstimator, GripSettings, HypothesisRenderer,
     Providers, PyramidCnn, Workspace,
@@ -254,8 +254,10 @@ impl Setup {
     }
 
     /// The planner for this robot.
-    pub fn planner(&self) -> Planner {
-        Planner::new(self.robot.clone(), self.config.clone(), PlannerSettings::default())
+    pub fn planner(&self, grasp_at: GraspAt) -> Planner {
+        let mut settings = PlannerSettings::default();
+        settings.grasp.at = grasp_at;
+        Planner::new(self.robot.clone(), self.config.clone(), settings)
     }
 
     /// The head camera's pose in the start configuration.

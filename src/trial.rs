@@ -6,7 +6,7 @@ use std::time::Instant;
 
 use anyhow::{Context, Result};
 use grip_manip::executor::{ExecStage, ExecutionReport, ExecutorSettings, execute, execute_motion};
-use grip_manip::{BeliefScene, BelievedObject, PickPlacePlan, PlanStage, Planner, pick_order};
+use grip_manip::{BeliefScene, BelievedObject, GraspAt, PickPlacePlan, PlanStage, Planner, pick_order};
 use grip_perception::{Detector, PoseEstimator, PosePosterior};
 use grip_sim::frame::CameraFrame;
 use grip_sim::images::RgbImage;
@@ -32,6 +32,8 @@ const MAX_ATTEMPTS: u32 = 3;
 const MAX_FRUITLESS_LOOKS: u32 = 2;
 /// Below this confidence an estimate is no target, only an obstacle.
 const CONFIDENT: f64 = 0.25;
+/// Poses of the posterior that a grasp is tried at.
+const POSES: usize = 32;
 /// An item in the bin is not believed to have moved farther than this from where it was put, metres.
 const MOVED_IN_BIN_M: f64 = 0.12;
 /// Simulated seconds after an attempt for what still rolls to come to rest.
@@ -46,6 +48,8 @@ const AT_REST_M_S: f64 = 0.01;
 pub struct Spec {
     /// Who estimates poses.
     pub estimator: cli::Estimator,
+    /// Which poses of an object its grasps are scored at.
+    pub grasp_at: GraspAt,
     /// How many of the scene's objects are to be packed; the rest is clutter.
     pub items: usize,
 }
@@ -121,7 +125,7 @@ pub fn run(
     log::info!("scene settled in {:.1} s, {} layouts rejected", dropped.settle_s, dropped.rejected.len());
 
     let grip = setup.grip()?;
-    let planner = setup.planner();
+    let planner = setup.planner(spec.grasp_at);
     let mut ledgers = vec![Ledger::default(); setup.models.len()];
     let mut looks = Vec::new();
     let mut fruitless = 0;
@@ -425,12 +429,13 @@ fn believe(
 ) -> (BeliefScene, Vec<usize>) {
     let mut belief = setup.empty_belief();
     let mut index = Vec::new();
-    let mut add = |i: usize, pose, position_std_m, confidence, packed| {
+    let mut add = |i: usize, pose, poses, position_std_m, confidence, packed| {
         let model = setup.models[i].clone();
         belief.objects.push(BelievedObject {
             name: model.info.name.clone(),
             model,
             world_from_object: pose,
+            poses,
             position_std_m,
             confidence,
             packed,
@@ -442,12 +447,17 @@ fn believe(
             let pose = frame.world_from_camera * posterior.best;
             // What fell into the bin on the way is not fetched out of it again.
             let packed = setup.scene.bin.contains(&Point3::from(pose.translation()), 0.1);
-            add(i, pose, posterior.position_std_m, posterior.confidence, packed);
+            let poses = posterior
+                .thinned(POSES)
+                .into_iter()
+                .map(|(pose, weight)| (frame.world_from_camera * pose, weight))
+                .collect();
+            add(i, pose, poses, posterior.position_std_m, posterior.confidence, packed);
         }
     }
     for (i, ledger) in ledgers.iter().enumerate() {
         if let Some(pose) = ledger.believed_packed {
-            add(i, pose, 0.0, 1.0, true);
+            add(i, pose, Vec::new(), 0.0, 1.0, true);
         }
     }
     (belief, index)

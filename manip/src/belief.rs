@@ -27,6 +27,8 @@ pub struct BelievedObject {
     pub model: Arc<ObjectModel>,
     /// Best pose.
     pub world_from_object: Pose<World, Object>,
+    /// Poses that it may have, with weights; none where the best one is all that is known.
+    pub poses: Vec<(Pose<World, Object>, f64)>,
     /// Spread of the position, metres (one standard deviation).
     pub position_std_m: f64,
     /// Confidence of the estimate, 0 to 1.

@@ -12,6 +12,7 @@ use serde::Serialize;
 use crate::antipodal::{AntipodalSettings, GraspCandidate, antipodal_grasps, narrow_opening};
 use crate::belief::{BeliefScene, BelievedObject};
 use crate::collision::{Body, CollisionChecker, CollisionPair, Margins, Query, RobotSolids};
+use crate::expected::expected_success;
 use crate::surface::Surface;
 
 /// A grasp of a believed object in the scene.
@@ -31,8 +32,20 @@ pub struct Grasp {
     pub lever: f64,
     /// Share of the pads in contact, 0 to 1.
     pub contact_share: f64,
+    /// Share of the poses that the object may have for which the grasp holds it; 1 when only the best one was asked.
+    pub expected: f64,
     /// Sum of the weighted terms of [`GraspWeights`]; larger is better.
     pub score: f64,
+}
+
+/// Which poses of the object a grasp is scored at.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum GraspAt {
+    /// The best one alone.
+    Best,
+    /// The weighted poses of the belief: see [`crate::expected`].
+    #[default]
+    Posterior,
 }
 
 /// Weights of a grasp's score. Each term is between 0 (bad) and 1 (good).
@@ -53,6 +66,8 @@ pub struct GraspWeights {
     pub depth: f64,
     /// Normals along the closing axis. Default 0.4.
     pub cone: f64,
+    /// Share of the posterior's poses at which the grasp holds ([`GraspAt::Posterior`]). Default 3.0: more than any other.
+    pub expected: f64,
     /// Distance of the hand from other things up to 3 cm. Default 0.6.
     pub clearance: f64,
 }
@@ -67,6 +82,7 @@ impl Default for GraspWeights {
             spread: 2.0,
             depth: 0.5,
             cone: 0.4,
+            expected: 3.0,
             clearance: 0.6,
         }
     }
@@ -77,6 +93,8 @@ impl Default for GraspWeights {
 pub struct GraspSettings {
     /// Candidates in the object's frame.
     pub antipodal: AntipodalSettings,
+    /// Which poses of the object count.
+    pub at: GraspAt,
     /// Weights of the score.
     pub weights: GraspWeights,
     /// Least downward part of the approach direction. Default 0.17: up to 80 degrees from straight down.
@@ -95,6 +113,7 @@ impl Default for GraspSettings {
     fn default() -> Self {
         Self {
             antipodal: AntipodalSettings::default(),
+            at: GraspAt::default(),
             weights: GraspWeights::default(),
             least_down: 0.17,
             margin: 0.004,
@@ -112,6 +131,10 @@ pub struct ObjectGrasps {
     pub candidates: Vec<GraspCandidate>,
     /// Centre of mass, object frame.
     pub center_of_mass: Point3<f64>,
+    /// The object's surface; none of a mesh without an area.
+    pub surface: Option<Surface>,
+    /// Largest angle of a contact normal that friction holds, radians.
+    pub cone: f64,
 }
 
 /// The grasps of each object met so far, by name.
@@ -146,7 +169,12 @@ fn object_grasps(
     settings: &AntipodalSettings,
 ) -> ObjectGrasps {
     let Some(surface) = Surface::new(&model.visual.mesh) else {
-        return ObjectGrasps { candidates: Vec::new(), center_of_mass: Point3::origin() };
+        return ObjectGrasps {
+            candidates: Vec::new(),
+            center_of_mass: Point3::origin(),
+            surface: None,
+            cone: 0.0,
+        };
     };
     // The object alone, in its own frame, as a scene.
     let alone = BeliefScene {
@@ -161,6 +189,7 @@ fn object_grasps(
             name: model.info.name.clone(),
             model: model.clone(),
             world_from_object: Pose::identity(),
+            poses: Vec::new(),
             position_std_m: 0.0,
             confidence: 1.0,
             packed: false,
@@ -181,6 +210,8 @@ fn object_grasps(
     ObjectGrasps {
         candidates: antipodal_grasps(model, &surface, gripper, settings, fits),
         center_of_mass: surface.center_of_mass,
+        surface: Some(surface),
+        cone: crate::antipodal::cone(model, settings),
     }
 }
 
@@ -288,7 +319,14 @@ pub fn rank_grasps(
         };
         counters.free += 1;
         let clearance = checker.hand_clearance(&base_from_gripper, opening, &query, 0.03);
+        let expected = match (&grasps.surface, settings.at) {
+            (Some(surface), GraspAt::Posterior) => {
+                expected_success(surface, &pad, &world_from_gripper, opening, grasps.cone, &object.poses)
+            }
+            _ => 1.0,
+        };
         kept.push(Grasp {
+            expected,
             object_from_gripper: candidate.object_from_gripper,
             world_from_gripper,
             width: candidate.width,
@@ -296,7 +334,7 @@ pub fn rank_grasps(
             clearance,
             lever,
             contact_share: candidate.contact_share,
-            score: score + w.clearance * clearance / 0.03,
+            score: score + w.clearance * clearance / 0.03 + w.expected * expected,
         });
     }
     kept.sort_by(|a, b| b.score.total_cmp(&a.score));

@@ -7,7 +7,7 @@
 //! | [`space`], [`rrt`] | joint spaces, RRT-Connect and shortcutting |
 //! | [`ik`], [`cartesian`] | inverse kinematics with many seeds, straight motions of the gripper |
 //! | [`smooth`], [`timing`] | rounded corners and time-optimal timing within limits |
-//! | [`surface`], [`antipodal`], [`grasp`] | grasps of an object, and their ranking in a scene |
+//! | [`surface`], [`antipodal`], [`grasp`], [`expected`] | grasps of an object, their ranking in a scene and over a posterior |
 //! | [`heightmap`], [`place`] | where to put an object in the bin |
 //! | [`settings`], [`plan`], [`planner`], [`pick`] | the planner, and its plans as data |
 //! | [`executor`] | carries plans out through a robot port |
@@ -23,6 +23,7 @@ pub mod cartesian;
 pub mod collision;
 pub mod edge;
 pub mod executor;
+pub mod expected;
 pub mod grasp;
 pub mod heightmap;
 pub mod ik;
@@ -47,7 +48,7 @@ pub use belief::{BeliefScene, BelievedObject, BinGeometry};
 pub use executor::{
     ExecOutcome, ExecStage, ExecutionReport, ExecutorSettings, RobotPort, execute, execute_motion,
 };
-pub use grasp::Grasp;
+pub use grasp::{Grasp, GraspAt};
 pub use pick::pick_order;
 pub use place::PlacePose;
 pub use plan::{

@@ -70,6 +70,30 @@ pub struct PosePosterior {
     pub trace: Vec<TracePoint>,
 }
 
+impl PosePosterior {
+    /// At most `count` of the particles that stand for all: drawn at even steps of the summed weights, in their order, each
+    /// with its share of the steps. All of them, weights and all, when there are no more.
+    pub fn thinned(&self, count: usize) -> Vec<(Pose<Camera, Object>, f64)> {
+        if self.particles.len() <= count {
+            return self.particles.clone();
+        }
+        let all: f64 = self.particles.iter().map(|(_, weight)| weight).sum();
+        let mut kept: Vec<(Pose<Camera, Object>, f64)> = Vec::new();
+        let (mut sum, mut step) = (0.0, 0);
+        for (pose, weight) in &self.particles {
+            sum += weight;
+            let first = step;
+            while step < count && (step as f64 + 0.5) / count as f64 * all < sum {
+                step += 1;
+            }
+            if step > first {
+                kept.push((*pose, (step - first) as f64 / count as f64));
+            }
+        }
+        kept
+    }
+}
+
 /// What a search would have answered after one of its iterations.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -80,4 +104,41 @@ pub struct TracePoint {
     pub seconds: f64,
     /// The best pose by then.
     pub best: Pose<Camera, Object>,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn thinned_particles_keep_the_weights_of_places() {
+        let mut posterior = PosePosterior {
+            object: "can".into(),
+            best: Pose::identity(),
+            particles: Vec::new(),
+            modes: Vec::new(),
+            entropy: 0.0,
+            score: 1.0,
+            confidence: 1.0,
+            there: true,
+            terms: BTreeMap::new(),
+            position_std_m: 0.0,
+            rotation_std_rad: 0.0,
+            restarts: 0,
+            hypotheses: 0,
+            seconds: 0.0,
+            colour: None,
+            trace: Vec::new(),
+        };
+        let at = |x: f64| Pose::from_xyz_rpy([x, 0.0, 1.0], [0.0; 3]);
+        posterior.particles =
+            (0..100).map(|i| (at(f64::from(i / 50)), if i < 50 { 0.015 } else { 0.005 })).collect();
+        let kept = posterior.thinned(20);
+        assert!(kept.len() <= 20);
+        let share = |x: f64| -> f64 {
+            kept.iter().filter(|(p, _)| (p.translation().x - x).abs() < 0.5).map(|(_, w)| w).sum()
+        };
+        assert!((share(0.0) - 0.75).abs() < 1e-9 && (share(1.0) - 0.25).abs() < 1e-9);
+        assert_eq!(posterior.thinned(100), posterior.particles);
+    }
 }

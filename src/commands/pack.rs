@@ -32,7 +32,7 @@ pub fn run(args: &PackArgs) -> Result<Done> {
     let most = setup.models.len();
     let items = args.items.unwrap_or(most);
     ensure!((1..=most).contains(&items), "--items {items}: the scene has {most} objects; give 1 to {most}");
-    let spec = Spec { estimator: args.estimator, items };
+    let spec = Spec { estimator: args.estimator, grasp_at: args.grasp_at.into(), items };
     setup::check_network_is_used(
         &args.network,
         uses_network(args),
@@ -116,6 +116,7 @@ fn save(run: &RunDir, setup: &Setup, args: &PackArgs, network: Option<String>, t
         "estimator": args.estimator.name(),
         "detector": args.detector.name(),
         "network": network,
+        "grasp_at": format!("{:?}", args.grasp_at).to_lowercase(),
         "items": trial.result.requested,
         "object_set": setup.library.set().label(),
         "renderer": trial.result.renderer,
