@@ -8,7 +8,7 @@
 //! | [`ik`], [`cartesian`] | inverse kinematics with many seeds, straight motions of the gripper |
 //! | [`smooth`], [`timing`] | rounded corners and time-optimal timing within limits |
 //! | [`surface`], [`antipodal`], [`grasp`], [`expected`] | grasps of an object, their ranking in a scene and over a posterior |
-//! | [`heightmap`], [`place`] | where to put an object in the bin |
+//! | [`stable`], [`heightmap`], [`place`] | how an object can stand, and where to put it in the bin |
 //! | [`settings`], [`plan`], [`planner`], [`pick`] | the planner, and its plans as data |
 //! | [`executor`] | carries plans out through a robot port |
 //! | [`moveit`], [`benchmark`] | motion planning problems of others, and how they are solved |
@@ -37,6 +37,7 @@ pub mod rrt;
 pub mod settings;
 pub mod smooth;
 pub mod space;
+pub mod stable;
 pub mod surface;
 #[cfg(test)]
 mod testing;

@@ -11,6 +11,7 @@ use serde::Serialize;
 
 use crate::belief::BeliefScene;
 use crate::heightmap::{HeightMap, Profile};
+use crate::stable::{nearest_standing, stable_facets};
 
 /// Settings of [`place_poses`].
 #[derive(Debug, Clone, PartialEq)]
@@ -84,10 +85,10 @@ fn inside(bin_from_object: &Isometry3<f64>, inner: [f64; 2]) -> bool {
     t.x.abs() < 0.5 * inner[0] && t.y.abs() < 0.5 * inner[1] && t.z > -0.05 && t.z < 0.5
 }
 
-/// The orientation in which to put the object down, before the turn about the vertical; none when it cannot stand.
+/// The orientation in which to put the object down, before the turn about the vertical: the nearest one in which it stands.
 fn resting_rotation(model: &ObjectModel, now: &UnitQuaternion<f64>) -> UnitQuaternion<f64> {
     if !model.info.upright {
-        return *now;
+        return nearest_standing(&stable_facets(&model.visual.mesh), now);
     }
     // YCB scans stand on their xy plane: z is up when upright.
     let up = now * Vector3::z();
