@@ -108,13 +108,9 @@ pub fn pad_contact(
     opening: f64,
     look: Look,
 ) -> Option<PadContact> {
-    let (along, across) = match look {
-        Look::Coarse => (5, 3),
-        Look::Fine => (21, 9),
-    };
     let closing = object_from_gripper * Vector3::y();
-    let right = pad_side(surface, pad_half, object_from_gripper, opening, closing, [along, across])?;
-    let left = pad_side(surface, pad_half, object_from_gripper, opening, -closing, [along, across])?;
+    let right = pad_side(surface, pad_half, object_from_gripper, opening, closing, look)?;
+    let left = pad_side(surface, pad_half, object_from_gripper, opening, -closing, look)?;
     // Contacts that do not face each other make a couple that turns the object.
     let apart = (left.center - right.center).norm();
     let width = left.height + right.height;
@@ -142,15 +138,19 @@ struct PadSide {
     spread: f64,
 }
 
-/// Rays from a grid of `counts` points of the pad on the side `out` of the object's middle.
+/// What the pad on the side `out` of the object's middle meets first.
 fn pad_side(
     surface: &Surface,
     pad_half: &Vector3<f64>,
     object_from_gripper: &Isometry3<f64>,
     opening: f64,
     out: Vector3<f64>,
-    counts: [usize; 2],
+    look: Look,
 ) -> Option<PadSide> {
+    let counts: [usize; 2] = match look {
+        Look::Coarse => [5, 3],
+        Look::Fine => [21, 9],
+    };
     let place = |i: usize, n: usize| (2.0 * i as f64 + 1.0) / n as f64 - 1.0;
     let mut hits: Vec<(f64, SurfacePoint, Vector2<f64>)> = Vec::with_capacity(counts[0] * counts[1]);
     for i in 0..counts[0] {
@@ -163,7 +163,7 @@ fn pad_side(
         }
     }
     let found = hits.len();
-    if counts[0] > 5 {
+    if look == Look::Fine {
         // What is narrower than the grid, such as a rim, has edges.
         let gripper_from_object = object_from_gripper.inverse();
         let toward = object_from_gripper.inverse_transform_vector(&out).y;

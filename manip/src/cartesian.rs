@@ -67,53 +67,61 @@ pub fn straight_line(
     let length = (base_from_goal.translation.vector - start.translation.vector).norm();
     let turn = start.rotation.angle_to(&base_from_goal.rotation);
     let n = ((length.max(0.25 * turn) / STEP).ceil() as usize).max(1);
-    let mut waypoints = vec![q.to_vec()];
-    for k in 1..=n {
-        let t = k as f64 / n as f64;
+    let target = |t: f64| {
         let position = start.translation.vector.lerp(&base_from_goal.translation.vector, t);
         let rotation =
             start.rotation.try_slerp(&base_from_goal.rotation, t, 1e-6).unwrap_or(base_from_goal.rotation);
-        let target = Isometry3::from_parts(Translation3::from(position), rotation);
+        Isometry3::from_parts(Translation3::from(position), rotation)
+    };
+    let (waypoints, failure) = follow(solver, q, n, (SMOOTH, JUMP), target, |t, q| check(t * length, q));
+    match failure {
+        Some(failure) => Err(failure),
+        None => Ok(CartesianPath { waypoints, step: length / n as f64 }),
+    }
+}
+
+/// `q` and what follows it at `n` shares of a motion of the gripper, each solved from the one before to `tolerance` metres, as
+/// far as that succeeds, no joint moves by more than `jump` and `check` finds no pair in collision.
+fn follow(
+    solver: &IkSolver,
+    q: &[f64],
+    n: usize,
+    (tolerance, jump): (f64, f64),
+    target: impl Fn(f64) -> Isometry3<f64>,
+    mut check: impl FnMut(f64, &[f64]) -> Option<CollisionPair>,
+) -> (Vec<Vec<f64>>, Option<CartesianFailure>) {
+    let mut waypoints = vec![q.to_vec()];
+    for k in 1..=n {
+        let t = k as f64 / n as f64;
         let last = &waypoints[k - 1];
-        let next = solver.descend(last, &target, 16, SMOOTH).ok_or(CartesianFailure::NoIk)?;
-        if last.iter().zip(&next).any(|(a, b)| (a - b).abs() > JUMP) {
-            return Err(CartesianFailure::Jump);
+        let Some(next) = solver.descend(last, &target(t), 16, tolerance) else {
+            return (waypoints, Some(CartesianFailure::NoIk));
+        };
+        if last.iter().zip(&next).any(|(a, b)| (a - b).abs() > jump) {
+            return (waypoints, Some(CartesianFailure::Jump));
         }
-        if let Some(pair) = check(t * length, &next) {
-            return Err(CartesianFailure::Collision(pair));
+        if let Some(pair) = check(t, &next) {
+            return (waypoints, Some(CartesianFailure::Collision(pair)));
         }
         waypoints.push(next);
     }
-    Ok(CartesianPath { waypoints, step: length / n as f64 })
+    (waypoints, None)
 }
 
 /// The hand moved from `q` (whole configuration) along a displacement in the base frame, orientation kept, every `step`
-/// metres as far as `check` finds no pair in collision and no joint jumps; without `q` itself.
+/// metres as far as `check` finds no pair in collision and no joint jumps; `q` itself comes first.
 pub fn glide(
     solver: &IkSolver,
     q: &[f64],
     displacement: &nalgebra::Vector3<f64>,
     step: f64,
-    mut check: impl FnMut(f64, &[f64]) -> Option<CollisionPair>,
+    mut check: impl FnMut(&[f64]) -> Option<CollisionPair>,
 ) -> Vec<Vec<f64>> {
     let robot = solver.robot();
     let start = robot.model.fk_link(q, robot.gripper);
     let n = (displacement.norm() / step).ceil().max(1.0) as usize;
-    let mut last = q.to_vec();
-    let mut way = Vec::new();
-    for k in 1..=n {
-        let t = k as f64 / n as f64;
-        let mut target = start;
-        target.translation.vector += displacement * t;
-        let Some(next) = solver.descend(&last, &target, 16, LOOSE) else { break };
-        let jumped = last.iter().zip(&next).any(|(a, b)| (a - b).abs() > 2.0 * JUMP);
-        if jumped || check(t * displacement.norm(), &next).is_some() {
-            break;
-        }
-        last.clone_from(&next);
-        way.push(next);
-    }
-    way
+    let target = |t: f64| Translation3::from(displacement * t) * start;
+    follow(solver, q, n, (LOOSE, 2.0 * JUMP), target, |_, q| check(q)).0
 }
 
 /// [`straight_line`] along a displacement in the base frame, orientation kept.

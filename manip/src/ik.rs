@@ -87,7 +87,6 @@ impl IkSolver {
                         upper: limits.upper,
                         wraps: !limits.lower.is_finite() || !limits.upper.is_finite(),
                         reach,
-                        weight: reach,
                     }
                 })
                 .collect(),

@@ -210,12 +210,12 @@ impl Planner {
         let ways = [gripper.rotation * -Vector3::x(), Vector3::z()];
         let longest = ways
             .map(|way| {
-                glide(&self.solver, q, &(way * WAY_OUT), WAY_OUT_STEP, |_, q| checker.in_collision(q, query))
+                glide(&self.solver, q, &(way * WAY_OUT), WAY_OUT_STEP, |q| checker.in_collision(q, query))
             })
             .into_iter()
             .max_by_key(Vec::len);
-        for q in longest.unwrap_or_default() {
-            let next = space.unwrap_near(&chain[chain.len() - 1], &self.solver.gather(&q));
+        for q in longest.iter().flatten().skip(1) {
+            let next = space.unwrap_near(&chain[chain.len() - 1], &self.solver.gather(q));
             if !space.within_limits(&next) || !edges.motion_free(&chain[chain.len() - 1], &next) {
                 break;
             }

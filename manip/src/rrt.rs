@@ -20,7 +20,7 @@ pub trait Validity {
 /// Settings of [`rrt_connect`] and [`shortcut`].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct RrtSettings {
-    /// Longest edge, metres of [`JointSpace::distance`]. Default 0.5: some ten edges across the work space.
+    /// Longest edge, metres of [`JointSpace::distance`]. Default 1.0: some five edges across the work space.
     pub step: f64,
     /// Edge that is tried where that is blocked, metres. Default 0.25.
     pub short_step: f64,
@@ -320,7 +320,7 @@ mod tests {
     }
 
     fn plane() -> JointSpace {
-        let axis = Axis { lower: 0.0, upper: 1.0, wraps: false, reach: 1.0, weight: 1.0 };
+        let axis = Axis { lower: 0.0, upper: 1.0, wraps: false, reach: 1.0 };
         JointSpace::new(vec![axis, axis])
     }
 

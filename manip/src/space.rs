@@ -13,8 +13,6 @@ pub struct Axis {
     pub wraps: bool,
     /// Metres that the farthest point of the robot moves for one unit (radian or metre) of this joint, at most.
     pub reach: f64,
-    /// What a unit of this joint counts in [`JointSpace::distance`].
-    pub weight: f64,
 }
 
 /// The product of a group's joints.
@@ -72,7 +70,7 @@ impl JointSpace {
         let mut sum = 0.0;
         for (axis, (a, b)) in self.axes.iter().zip(a.iter().zip(b)) {
             let d = if axis.wraps { wrap(b - a) } else { b - a };
-            sum += (d * axis.weight).powi(2);
+            sum += (d * axis.reach).powi(2);
         }
         sum.sqrt()
     }
@@ -119,7 +117,7 @@ mod tests {
     use std::f64::consts::PI;
 
     fn space() -> JointSpace {
-        let axis = |wraps| Axis { lower: -1.0, upper: 1.0, wraps, reach: 0.5, weight: 0.5 };
+        let axis = |wraps| Axis { lower: -1.0, upper: 1.0, wraps, reach: 0.5 };
         JointSpace::new(vec![axis(false), axis(true)])
     }
 

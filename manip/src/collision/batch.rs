@@ -15,7 +15,7 @@ use grip_sim::robot::{GroupKinematics, Pose8};
 use parry3d::math::{Pose, Rotation, Vector};
 
 use super::cover::Ball;
-use super::solid::{Piece, Solid, pose32};
+use super::solid::{Frame, Piece, Solid, pose32};
 use super::{Body, CollisionChecker, LinkSolids, Obstacle, Query, pieces_meet};
 
 /// Checks of a group's configurations, all other joints fixed, for one query.
@@ -39,28 +39,21 @@ struct MovingPart<'a> {
     /// Its rigid body in the kinematics, and its pose there.
     body: usize,
     body_from_part: Pose,
-    /// Its pieces' frames in the body's.
-    body_from_piece: Vec<Frame>,
     /// About all of it.
     bound: Ball,
-    /// Balls of each piece; all in the body's frame.
-    pieces: Vec<(&'a Piece, Vec<Ball>)>,
+    pieces: Vec<MovingPiece<'a>>,
     /// Obstacles that it may meet, by index.
     obstacles: Vec<usize>,
 }
 
-/// A frame in another: its origin and its axes.
+/// A convex piece of a part, in the part's body.
 #[derive(Debug)]
-struct Frame {
-    translation: [f32; 3],
-    axes: [[f32; 3]; 3],
-}
-
-impl Frame {
-    fn of(pose: &Pose) -> Self {
-        let axes = [Vector::X, Vector::Y, Vector::Z].map(|axis| (pose.rotation * axis).to_array());
-        Self { translation: pose.translation.to_array(), axes }
-    }
+struct MovingPiece<'a> {
+    piece: &'a Piece,
+    frame: Frame,
+    balls: Vec<Ball>,
+    /// The first of its balls among all of the part.
+    first: usize,
 }
 
 /// Buffers of a check.
@@ -86,12 +79,18 @@ impl<'a> Batch<'a> {
             let obstacles = checker.obstacles.iter().enumerate().filter(|(_, o)| {
                 body != 0 && solids.moves && Some(o.body) != skip && !query.allows(name, o.body)
             });
+            let mut first = 0;
+            let pieces = solids.pieces.iter().map(|piece| {
+                let before = first;
+                first += piece.balls.len();
+                let balls = piece.balls.iter().map(moved).collect();
+                MovingPiece { piece, frame: Frame::of(&(pose * piece.pose)), balls, first: before }
+            });
             MovingPart {
                 body,
                 body_from_part: pose,
-                body_from_piece: solids.pieces.iter().map(|p| Frame::of(&(pose * p.pose))).collect(),
                 bound: moved(&solids.bound),
-                pieces: solids.pieces.iter().map(|p| (p, p.balls.iter().map(moved).collect())).collect(),
+                pieces: pieces.collect(),
                 obstacles: obstacles.map(|(i, _)| i).collect(),
             }
         };
@@ -182,14 +181,6 @@ fn box_distance_squared(p: V8, center: Vector, half: Vector) -> F8 {
     x * x + y * y + z * z
 }
 
-/// Points of the base frame in the frame of a piece that stands.
-#[inline(always)]
-fn in_piece(p: V8, piece: &Piece) -> V8 {
-    let d = p - V8::all(piece.pose.translation.to_array());
-    let [x, y, z] = piece.axes;
-    V8 { x: d.dot(V8::all(x.to_array())), y: d.dot(V8::all(y.to_array())), z: d.dot(V8::all(z.to_array())) }
-}
-
 /// Whether two pieces meet exactly in one of the lanes in `mask`.
 #[inline(never)]
 fn confirm(mask: u32, meets: impl Fn(usize) -> bool) -> bool {
@@ -246,8 +237,8 @@ fn check(batch: &Batch<'_>, q: &[F8]) -> bool {
 fn place(centers: &mut Vec<V8>, part: &MovingPart<'_>, poses: &[Pose8]) {
     if centers.is_empty() {
         let pose = &poses[part.body];
-        for (_, balls) in &part.pieces {
-            centers.extend(balls.iter().map(|ball| pose.point(ball.center.to_array())));
+        for piece in &part.pieces {
+            centers.extend(piece.balls.iter().map(|ball| pose.point(ball.center.to_array())));
         }
     }
 }
@@ -260,28 +251,25 @@ fn meets_obstacle(
     margin: f32,
     poses: &[Pose8],
 ) -> bool {
-    let mut next = 0;
-    for (piece, balls) in &part.pieces {
-        let centers = {
-            let first = next;
-            next += balls.len();
-            &centers[first..next]
-        };
+    for moving in &part.pieces {
         let mut lanes = 0;
-        for (ball, center) in balls.iter().zip(centers) {
+        for (ball, center) in moving.balls.iter().zip(&centers[moving.first..]) {
             let reach = ball.radius + margin;
             let apart = box_distance_squared(*center, obstacle.center, obstacle.half);
             if apart.least() > reach * reach {
                 continue;
             }
             for other in &obstacle.pieces {
-                let apart = solid_distance_squared(in_piece(*center, other), other);
+                let apart = solid_distance_squared(other.frame.inverse_point(*center), other);
                 lanes |= lanes_within(apart, reach * reach);
             }
         }
         let meets = |lane| {
             let pose = part_pose(part, poses, lane);
-            obstacle.pieces.iter().any(|other| pieces_meet(piece, &pose, other, &Pose::IDENTITY, margin))
+            obstacle
+                .pieces
+                .iter()
+                .any(|other| pieces_meet(moving.piece, &pose, other, &Pose::IDENTITY, margin))
         };
         if lanes != 0 && confirm(lanes, meets) {
             return true;
@@ -294,29 +282,17 @@ fn meets_obstacle(
 #[inline(always)]
 fn parts_meet(own: f32, (a, b): (&MovingPart<'_>, &MovingPart<'_>), centers: &[V8], poses: &[Pose8]) -> bool {
     let body = &poses[b.body];
-    let mut next = 0;
-    for (piece_a, balls) in &a.pieces {
-        let centers = {
-            let first = next;
-            next += balls.len();
-            &centers[first..next]
-        };
-        for (k, (piece_b, _)) in b.pieces.iter().enumerate() {
-            let at = &b.body_from_piece[k];
+    for one in &a.pieces {
+        for other in &b.pieces {
             let mut lanes = 0;
-            for (ball, center) in balls.iter().zip(centers) {
+            for (ball, center) in one.balls.iter().zip(&centers[one.first..]) {
                 let reach = ball.radius + own;
-                let local = body.inverse_point(*center) - V8::all(at.translation);
-                let local = V8 {
-                    x: local.dot(V8::all(at.axes[0])),
-                    y: local.dot(V8::all(at.axes[1])),
-                    z: local.dot(V8::all(at.axes[2])),
-                };
-                lanes |= lanes_within(solid_distance_squared(local, piece_b), reach * reach);
+                let local = other.frame.inverse_point(body.inverse_point(*center));
+                lanes |= lanes_within(solid_distance_squared(local, other.piece), reach * reach);
             }
             let meets = |lane| {
                 let (pose_a, pose_b) = (part_pose(a, poses, lane), part_pose(b, poses, lane));
-                pieces_meet(piece_a, &pose_a, piece_b, &pose_b, own)
+                pieces_meet(one.piece, &pose_a, other.piece, &pose_b, own)
             };
             if lanes != 0 && confirm(lanes, meets) {
                 return true;

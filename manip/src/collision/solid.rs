@@ -1,5 +1,6 @@
 //! Convex solids in single precision for the hot loop, each with an oriented box and a row of balls for culling.
 
+use grip_sim::lanes::V8;
 use grip_sim::shape::{CollisionShape, Convex};
 use nalgebra::Isometry3;
 use parry3d::math::{Pose, Rotation, Vector};
@@ -75,6 +76,28 @@ pub(crate) fn distance_from_point(solid: &Solid, p: Vector) -> f32 {
     }
 }
 
+/// A frame in another: its origin and its axes, for eight points at once.
+#[derive(Debug, Clone)]
+pub(crate) struct Frame {
+    translation: [f32; 3],
+    axes: [[f32; 3]; 3],
+}
+
+impl Frame {
+    pub fn of(pose: &Pose) -> Self {
+        let axes = [Vector::X, Vector::Y, Vector::Z].map(|axis| (pose.rotation * axis).to_array());
+        Self { translation: pose.translation.to_array(), axes }
+    }
+
+    /// Points of the outer frame in this one.
+    #[inline(always)]
+    pub fn inverse_point(&self, p: V8) -> V8 {
+        let d = p - V8::all(self.translation);
+        let [x, y, z] = self.axes;
+        V8 { x: d.dot(V8::all(x)), y: d.dot(V8::all(y)), z: d.dot(V8::all(z)) }
+    }
+}
+
 /// A convex solid fixed to an owner: a link, the held object, or the base frame.
 #[derive(Debug, Clone)]
 pub(crate) struct Piece {
@@ -89,8 +112,8 @@ pub(crate) struct Piece {
     pub ball: f32,
     /// Balls of the owner's frame that cover the solid closely, for pieces that move.
     pub balls: Vec<Ball>,
-    /// The axes of the solid's frame in the owner's frame.
-    pub axes: [Vector; 3],
+    /// The solid's frame in the owner's.
+    pub frame: Frame,
 }
 
 /// At most so many covering balls a piece.
@@ -132,7 +155,7 @@ impl Piece {
             cover: cover.into_iter().map(|c| pose * c).collect(),
             ball,
             balls: Vec::new(),
-            axes: [Vector::X, Vector::Y, Vector::Z].map(|axis| pose.rotation * axis),
+            frame: Frame::of(&pose),
             pose,
         }
     }
