@@ -121,6 +121,17 @@ impl From<GraspAt> for grip_manip::GraspAt {
     }
 }
 
+/// Which robot, where no scene says it.
+#[derive(Debug, Args)]
+pub struct RobotFile {
+    /// URDF [default: robots/fetch/fetch.urdf].
+    #[arg(long, value_name = "URDF")]
+    pub robot: Option<PathBuf>,
+    /// Where `package://` meshes are looked up; may be given more than once.
+    #[arg(long, value_name = "DIR")]
+    pub package_path: Vec<PathBuf>,
+}
+
 /// `grip plan`.
 #[derive(Debug, Args)]
 pub struct PlanArgs {
@@ -133,12 +144,8 @@ pub struct PlanArgs {
     /// Problems solved at the same time; times are those of one core only with 1.
     #[arg(long, default_value_t = 1, value_parser = clap::builder::RangedU64ValueParser::<usize>::new().range(1..=1024))]
     pub jobs: usize,
-    /// Another URDF of the robot, such as the upstream Fetch's.
-    #[arg(long, value_name = "URDF")]
-    pub robot: Option<PathBuf>,
-    /// Where `package://` meshes are looked up; may be given more than once.
-    #[arg(long, value_name = "DIR")]
-    pub package_path: Vec<PathBuf>,
+    #[command(flatten)]
+    pub robot: RobotFile,
     /// Print the results, problem by problem, as one JSON object on stdout.
     #[arg(long)]
     pub json: bool,
@@ -455,12 +462,8 @@ pub struct ObjectsArgs {
 /// `grip robot`.
 #[derive(Debug, Args)]
 pub struct RobotArgs {
-    /// URDF [default: robots/fetch/fetch.urdf].
-    #[arg(long, value_name = "URDF")]
-    pub robot: Option<PathBuf>,
-    /// Where `package://` meshes are looked up; may be given more than once.
-    #[arg(long, value_name = "DIR")]
-    pub package_path: Vec<PathBuf>,
+    #[command(flatten)]
+    pub robot: RobotFile,
     /// Print JSON.
     #[arg(long)]
     pub json: bool,

@@ -30,7 +30,7 @@ pub struct MotionCollision {
     pub bodies: String,
 }
 
-/// Configurations between two samples, both ends included once: the control period is 4.2 ms.
+/// Configurations from one sample to the next, the latter left out: the control period is 4.2 ms.
 const BETWEEN: usize = 5;
 /// Collisions that are listed.
 const LISTED: usize = 10;
@@ -70,5 +70,36 @@ impl JointLog {
             .collect();
         let collisions = found.into_iter().flatten().take(LISTED).collect();
         MotionCheck { checked: BETWEEN * pairs.len(), collisions }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::cli::{Cli, Command};
+    use crate::setup::Setup;
+    use clap::Parser;
+
+    #[test]
+    fn an_arm_that_swings_through_the_table_is_found_and_one_at_rest_is_not() {
+        let Command::Pack(args) = Cli::parse_from(["grip", "pack"]).command else { unreachable!() };
+        let setup = Setup::load(&args.scene, &args.condition).unwrap();
+        let planner = setup.planner(grip_manip::GraspAt::Best);
+        let mut log = JointLog::default();
+        log.push(0.0, &setup.start);
+        log.push(0.1, &setup.start);
+        assert_eq!(log.check(&planner, &setup.empty_belief()).collisions, []);
+        // Straight ahead and down, where the table is.
+        let shoulder = setup.robot.joint_index("shoulder_lift_joint").unwrap();
+        let mut down = setup.start.clone();
+        setup.config.arm_with_torso.iter().for_each(|&joint| down[joint] = 0.0);
+        down[shoulder] = 1.0;
+        log.push(0.2, &down);
+        log.push(0.3, &setup.start);
+        let check = log.check(&planner, &setup.empty_belief());
+        assert_eq!(check.checked, 15);
+        assert!(!check.collisions.is_empty());
+        let hit = &check.collisions[0];
+        assert!(hit.time_s > 0.1 && hit.time_s <= 0.3 && hit.bodies.contains("fixture"), "{hit:?}");
     }
 }

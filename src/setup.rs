@@ -25,7 +25,7 @@ use rand::RngExt;
 use rayon::prelude::*;
 
 use crate::assets;
-use crate::cli::{DetectorArgs, SceneArgs};
+use crate::cli::{DetectorArgs, RobotFile, SceneArgs};
 
 /// A resolved scene: nothing in it depends on the command line or the file system any more.
 pub struct Setup {
@@ -46,6 +46,18 @@ pub struct Setup {
     /// The folder of the scene file.
     pub folder: PathBuf,
     furniture: Furniture,
+}
+
+impl RobotFile {
+    /// The URDF's path and the robot in it.
+    pub fn load(&self) -> Result<(PathBuf, RobotModel)> {
+        let urdf = match &self.robot {
+            Some(path) => path.clone(),
+            None => assets::find("robots/fetch/fetch.urdf")?,
+        };
+        let robot = RobotModel::load(&urdf, &self.package_path)?;
+        Ok((urdf, robot))
+    }
 }
 
 impl Setup {

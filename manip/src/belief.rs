@@ -73,7 +73,10 @@ impl BeliefScene {
         }
         self.objects
             .iter()
-            .find(|o| !o.world_from_object.is_finite() || !o.position_std_m.is_finite())
+            .find(|o| {
+                let poses = o.poses.iter().all(|(pose, weight)| pose.is_finite() && weight.is_finite());
+                !o.world_from_object.is_finite() || !o.position_std_m.is_finite() || !poses
+            })
             .map(|o| format!("{}: its pose or spread is not finite", o.name))
     }
 }

@@ -11,14 +11,13 @@
 //! | [`stable`], [`heightmap`], [`place`] | how an object can stand, and where to put it in the bin |
 //! | [`settings`], [`plan`], [`planner`], [`pick`] | the planner, and its plans as data |
 //! | [`executor`] | carries plans out through a robot port |
-//! | [`moveit`], [`benchmark`] | motion planning problems of others, and how they are solved |
+//! | [`moveit`], [`solve`] | motion planning problems of others, and how they are solved |
 //! | [`reach`] | how well a table, a bin and a robot's place suit each other |
 //!
 //! Nothing here knows the truth: a plan depends on a [`BeliefScene`] and on measured joints alone.
 
 pub mod antipodal;
 pub mod belief;
-pub mod benchmark;
 pub mod cartesian;
 pub mod collision;
 pub mod edge;
@@ -36,6 +35,7 @@ pub mod reach;
 pub mod rrt;
 pub mod settings;
 pub mod smooth;
+pub mod solve;
 pub mod space;
 pub mod stable;
 pub mod surface;

@@ -71,6 +71,36 @@ pub struct PosePosterior {
 }
 
 impl PosePosterior {
+    /// The belief of who knows: one pose, no doubt.
+    pub fn certain(object: &str, best: Pose<Camera, Object>) -> Self {
+        let mode = Mode {
+            pose: best,
+            mean: best,
+            mass: 1.0,
+            score: 1.0,
+            position_std_m: 0.0,
+            rotation_std_rad: 0.0,
+        };
+        Self {
+            object: object.to_string(),
+            best,
+            particles: vec![(best, 1.0)],
+            modes: vec![mode],
+            entropy: 0.0,
+            score: 1.0,
+            confidence: 1.0,
+            there: true,
+            terms: BTreeMap::new(),
+            position_std_m: 0.0,
+            rotation_std_rad: 0.0,
+            restarts: 0,
+            hypotheses: 0,
+            seconds: 0.0,
+            colour: None,
+            trace: Vec::new(),
+        }
+    }
+
     /// At most `count` of the particles that stand for all: drawn at even steps of the summed weights, in their order, each
     /// with its share of the steps. All of them, weights and all, when there are no more.
     pub fn thinned(&self, count: usize) -> Vec<(Pose<Camera, Object>, f64)> {
@@ -112,24 +142,7 @@ mod tests {
 
     #[test]
     fn thinned_particles_keep_the_weights_of_places() {
-        let mut posterior = PosePosterior {
-            object: "can".into(),
-            best: Pose::identity(),
-            particles: Vec::new(),
-            modes: Vec::new(),
-            entropy: 0.0,
-            score: 1.0,
-            confidence: 1.0,
-            there: true,
-            terms: BTreeMap::new(),
-            position_std_m: 0.0,
-            rotation_std_rad: 0.0,
-            restarts: 0,
-            hypotheses: 0,
-            seconds: 0.0,
-            colour: None,
-            trace: Vec::new(),
-        };
+        let mut posterior = PosePosterior::certain("can", Pose::identity());
         let at = |x: f64| Pose::from_xyz_rpy([x, 0.0, 1.0], [0.0; 3]);
         posterior.particles =
             (0..100).map(|i| (at(f64::from(i / 50)), if i < 50 { 0.015 } else { 0.005 })).collect();

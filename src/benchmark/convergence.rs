@@ -310,7 +310,7 @@ fn spreads(searches: &[&[Measured]], xs: &[f64], key: Quantity, error: Quantity)
 }
 
 /// Linear between the ranks of sorted values, of which there is at least one.
-fn quantile(sorted: &[f64], q: f64) -> f64 {
+pub fn quantile(sorted: &[f64], q: f64) -> f64 {
     let rank = q * (sorted.len() - 1) as f64;
     let (below, share) = (rank.floor() as usize, rank.fract());
     let above = (below + 1).min(sorted.len() - 1);

@@ -13,7 +13,7 @@ mod published;
 
 pub use accuracy::figure as accuracy_figure;
 pub use boxes::{Boxes, FileBox};
-pub use convergence::{Contender, Convergence, Searches};
+pub use convergence::{Contender, Convergence, Searches, quantile};
 pub use detection::{DetectionFigures, MOST_BOXES, ObjectImage, measure, truth_boxes};
 pub use estimates::{Estimated, Run};
 pub use evaluation::{Case, Evaluation, Figures, THRESHOLDS, evaluate, views};

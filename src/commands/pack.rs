@@ -10,7 +10,7 @@ use grip_sim::render;
 use indicatif::{ProgressBar, ProgressStyle};
 
 use super::Done;
-use crate::cli::{Detector, Estimator, PackArgs};
+use crate::cli::{Detector, Estimator, GraspAt, PackArgs};
 use crate::outcome::TrialResult;
 use crate::run_dir::RunDir;
 use crate::setup::{self, Setup};
@@ -86,6 +86,9 @@ fn default_folder(args: &PackArgs, setup: &Setup) -> PathBuf {
     }
     if setup.hypotheses.name() != "cpu" {
         parts.push(setup.hypotheses.name().into());
+    }
+    if args.grasp_at != GraspAt::Posterior {
+        parts.push("grasp-at-best".into());
     }
     if let Some(items) = args.items {
         parts.push(format!("items{items}"));

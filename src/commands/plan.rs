@@ -3,15 +3,16 @@
 use std::sync::Arc;
 
 use anyhow::{Context, Result};
-use grip_manip::benchmark::{ProblemResult, ProblemStatus};
 use grip_manip::moveit::{find_problems, load_problem};
+use grip_manip::solve::{ProblemResult, ProblemStatus};
 use grip_manip::{Planner, PlannerSettings};
-use grip_sim::robot::{RobotConfig, RobotModel};
+use grip_sim::robot::RobotConfig;
 use indicatif::ProgressBar;
 use rayon::prelude::*;
 use serde::Serialize;
 
 use super::Done;
+use crate::benchmark::quantile;
 use crate::cli::PlanArgs;
 use crate::{assets, output};
 
@@ -39,11 +40,8 @@ struct Summary {
 
 /// Solves, checks and prints.
 pub fn run(args: &PlanArgs) -> Result<Done> {
-    let urdf = match &args.robot {
-        Some(path) => path.clone(),
-        None => assets::find("robots/fetch/fetch.urdf")?,
-    };
-    let robot = Arc::new(RobotModel::load(&urdf, &args.package_path)?);
+    let (urdf, robot) = args.robot.load()?;
+    let robot = Arc::new(robot);
     let config = Arc::new(RobotConfig::load(&assets::find("robots/fetch/fetch.toml")?, &robot)?);
     let problems = find_problems(&args.problems)?
         .iter()
@@ -72,8 +70,8 @@ pub fn run(args: &PlanArgs) -> Result<Done> {
     let mut summaries: Vec<Summary> =
         sets.iter().map(|set| summary(set, results.iter().filter(|r| set_of(r) == *set))).collect();
     summaries.push(summary("all", results.iter()));
+    let cover = planner.robot().cover();
     if args.json {
-        let cover = planner.robot().cover();
         let json = serde_json::json!({
             "schema": "grip.plan/1",
             "urdf": urdf,
@@ -85,7 +83,13 @@ pub fn run(args: &PlanArgs) -> Result<Done> {
         });
         output::data(format_args!("{}", serde_json::to_string_pretty(&json)?))?;
     } else {
-        output::data(format_args!("{}", table(&summaries)))?;
+        output::data(format_args!("{}\n", table(&summaries)))?;
+        output::data(format_args!(
+            "robot covered by {} balls that stick out {:.0} mm in the mean and {:.0} mm at most; what touches one is checked exactly",
+            cover.balls,
+            1e3 * cover.mean,
+            1e3 * cover.worst
+        ))?;
         for r in results.iter().filter(|r| r.status != ProblemStatus::Solved) {
             output::data(format_args!("{}: {}", r.name, r.reason.as_deref().unwrap_or("no path")))?;
         }
@@ -109,6 +113,8 @@ fn summary<'a>(set: &str, results: impl Iterator<Item = &'a ProblemResult> + Clo
         values.sort_by(f64::total_cmp);
         values
     };
+    // Of nothing solved there are no figures.
+    let quantile = |values: &[f64], q| if values.is_empty() { f64::NAN } else { quantile(values, q) };
     let total = sorted(&|r| r.search_ms + r.simplify_ms);
     let problems = results.clone().count();
     Summary {
@@ -128,16 +134,6 @@ fn summary<'a>(set: &str, results: impl Iterator<Item = &'a ProblemResult> + Clo
         median_length: quantile(&sorted(&|r| r.path_length[1]), 0.5),
         median_duration_s: quantile(&sorted(&|r| r.duration_s), 0.5),
     }
-}
-
-/// Of sorted values, linear between two; NaN of none.
-fn quantile(sorted: &[f64], share: f64) -> f64 {
-    let Some(last) = sorted.len().checked_sub(1) else {
-        return f64::NAN;
-    };
-    let at = share * last as f64;
-    let (low, high) = (sorted[at.floor() as usize], sorted[at.ceil() as usize]);
-    low + (high - low) * at.fract()
 }
 
 fn table(summaries: &[Summary]) -> String {

@@ -1,19 +1,14 @@
 //! `grip robot`: what was loaded, joints and limits.
 
 use anyhow::Result;
-use grip_sim::robot::RobotModel;
 
 use super::Done;
 use crate::cli::RobotArgs;
-use crate::{assets, output};
+use crate::output;
 
 /// Prints joints, limits and the count of what was read.
 pub fn run(args: &RobotArgs) -> Result<Done> {
-    let urdf = match &args.robot {
-        Some(path) => path.clone(),
-        None => assets::find("robots/fetch/fetch.urdf")?,
-    };
-    let robot = RobotModel::load(&urdf, &args.package_path)?;
+    let (urdf, robot) = args.robot.load()?;
     let loaded = robot.loaded();
     if args.json {
         let joints: Vec<_> = robot
