@@ -197,6 +197,7 @@ pub fn run(
                     break;
                 }
                 Err(failure) => {
+                    log::debug!("{failure}: {:?} at {}", failure.counters, belief.objects[b].world_from_object.iso());
                     let outcome = match failure.stage {
                         PlanStage::NoPlacePose | PlanStage::NoPlaceIk => Outcome::NoPlace,
                         PlanStage::NoGrasp | PlanStage::NoIk | PlanStage::NoApproach | PlanStage::NoLift => {

@@ -22,9 +22,9 @@ pub const PAD_FRICTION: f64 = 0.9;
 /// Settings of [`antipodal_grasps`].
 #[derive(Debug, Clone, PartialEq)]
 pub struct AntipodalSettings {
-    /// Surface points drawn. Default 500.
+    /// Surface points drawn. Default 1000.
     pub samples: usize,
-    /// Most contact pairs kept, spread over the object. Default 48.
+    /// Most contact pairs kept, spread over the object. Default 160.
     pub pairs: usize,
     /// Approach directions about each closing axis. Default 16, so that 0, 90, 180 degrees are among them.
     pub approaches: usize,
@@ -40,8 +40,8 @@ pub struct AntipodalSettings {
 impl Default for AntipodalSettings {
     fn default() -> Self {
         Self {
-            samples: 500,
-            pairs: 48,
+            samples: 1000,
+            pairs: 160,
             approaches: 16,
             depths: vec![0.0, 0.012, 0.022],
             max_width: 0.092,
@@ -220,7 +220,7 @@ pub fn antipodal_grasps(
     hand_fits: impl Fn(&Isometry3<f64>, f64) -> bool,
 ) -> Vec<GraspCandidate> {
     let cone = cone(model, settings);
-    let pairs = spread(contact_pairs(model, surface, settings, cone), settings.pairs);
+    let pairs = spread(&contact_pairs(model, surface, settings, cone), settings.pairs);
     let of_pair = |pair: &Pair| held_about(pair, surface, gripper, settings, cone);
     let held: Vec<(Isometry3<f64>, PadContact)> = pairs.par_iter().flat_map_iter(of_pair).collect();
     // On the way in as well as at the grasp.
@@ -311,27 +311,23 @@ fn contact_pairs(
     pairs
 }
 
-/// Up to `count` pairs that differ from each other as much as possible (farthest-point selection).
-fn spread(pairs: Vec<Pair>, count: usize) -> Vec<Pair> {
+/// Up to `count` pairs, evenly over the object: each differs from those before it by a least difference, which shrinks until
+/// there are enough. Farthest points would all be at edges, where few grasps hold.
+fn spread(pairs: &[Pair], count: usize) -> Vec<Pair> {
     // A quarter turn of the closing axis counts like 8 cm.
     let difference = |a: &Pair, b: &Pair| {
         let cosine = a.axis.dot(&b.axis).abs().min(1.0);
         (a.center - b.center).norm() + 0.05 * cosine.acos() + 0.5 * (a.width - b.width).abs()
     };
-    let mut nearest = vec![f64::INFINITY; pairs.len()];
-    let mut chosen = Vec::new();
-    let mut next = 0;
-    while chosen.len() < count.min(pairs.len()) && nearest.get(next).is_some_and(|d| *d > 0.004) {
-        let pick = pairs[next];
-        chosen.push(pick);
-        let mut farthest = 0.0;
-        for (i, pair) in pairs.iter().enumerate() {
-            nearest[i] = nearest[i].min(difference(pair, &pick));
-            if nearest[i] > farthest {
-                farthest = nearest[i];
-                next = i;
+    let mut chosen: Vec<Pair> = Vec::new();
+    let mut least = 0.05;
+    while chosen.len() < count && least > 0.004 {
+        for pair in pairs {
+            if chosen.len() < count && chosen.iter().all(|other| difference(pair, other) > least) {
+                chosen.push(*pair);
             }
         }
+        least *= 0.8;
     }
     chosen
 }
