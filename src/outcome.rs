@@ -3,6 +3,7 @@
 use serde::Serialize;
 
 use crate::motion_check::MotionCheck;
+use crate::scorecard::ScoreCard;
 
 /// Version of the trial result; changes with every change that could break a reader.
 pub const TRIAL_SCHEMA: &str = "grip.trial/1";
@@ -171,10 +172,29 @@ pub struct ItemResult {
     pub slip_m: Option<f64>,
     /// Largest normal force by any one body on the object during its attempts, newtons.
     pub peak_force_n: f64,
+    /// Largest normal impulse within 21 ms on the object by everything but the fingers, in the whole trial, newton seconds.
+    pub peak_impulse_n_s: f64,
+    /// What it takes unharmed: its momentum after the fall that its fragility allows, newton seconds.
+    pub harmless_impulse_n_s: f64,
+    /// Farthest that a point of any other item moved during its attempts, metres.
+    pub others_moved_m: f64,
+    /// Attempts that failed by the robot's own account, in order.
+    pub failed_attempts: Vec<FailedAttempt>,
     /// The clauses of success.
     pub clauses: Clauses,
     /// What they were judged by.
     pub measures: Measures,
+}
+
+/// An attempt that did not end with the item released in the bin.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct FailedAttempt {
+    /// What the robot noticed.
+    pub outcome: Outcome,
+    /// The stage it came to.
+    pub stage: Stage,
+    /// In words.
+    pub reason: String,
 }
 
 /// A whole trial.
@@ -206,6 +226,8 @@ pub struct TrialResult {
     pub wall_s: f64,
     /// Simulated seconds.
     pub sim_s: f64,
+    /// What the trial was like beside what was packed.
+    pub score: ScoreCard,
     /// What a check of all motions by the exact collision checker found afterwards.
     pub motion_check: MotionCheck,
     /// Item by item, in the scene's order.

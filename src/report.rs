@@ -70,6 +70,16 @@ pub fn html(
     );
     page.push_str("<h2>Items</h2>");
     items_table(&mut page, &result.items);
+    let _ = write!(page, "<p>{}.</p>", escape(&result.score.to_string()));
+    for item in result.items.iter().filter(|item| !item.failed_attempts.is_empty()) {
+        let reasons: Vec<_> = item.failed_attempts.iter().map(|f| f.reason.as_str()).collect();
+        let _ = write!(
+            page,
+            "<p>Failed attempts at {}: {}.</p>",
+            escape(&item.object),
+            escape(&reasons.join("; "))
+        );
+    }
     page.push_str("<h2>Before and after</h2><div class=look>");
     figure(&mut page, before, "the scene at the start")?;
     figure(&mut page, after, "the scene at the end")?;

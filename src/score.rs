@@ -207,16 +207,18 @@ pub fn knocked_out(before: &[Whereabouts], after: &[Whereabouts], handled: usize
 }
 
 #[cfg(test)]
-mod tests {
+pub mod tests {
     use super::*;
     use crate::cli::{Cli, Command};
     use crate::setup::Setup;
     use Whereabouts::{Bin, Lost, Table};
     use clap::Parser;
+    use grip_manip::GraspAt;
+    use grip_sim::physics::Grip;
     use nalgebra::UnitQuaternion;
 
     /// The default scene with the robot, but no objects.
-    fn empty() -> (Setup, World) {
+    pub fn empty() -> (Setup, World) {
         let Command::Pack(args) = Cli::parse_from(["grip", "pack"]).command else { unreachable!() };
         let setup = Setup::load(&args.scene, &args.condition).unwrap();
         let world =
@@ -279,5 +281,104 @@ mod tests {
         assert_eq!(knocked_out(&[Table, Table, Bin], &[Table, Table, Table], 0), vec![2]);
         // What is handled itself is judged by its own clauses.
         assert_eq!(knocked_out(&[Table], &[Lost], 0), Vec::<usize>::new());
+    }
+
+    /// A hand above a soup can on the table, and the score watching.
+    struct Bench {
+        world: World,
+        watch: Watch,
+        solver: grip_manip::ik::IkSolver,
+        /// All movable joints as they are told.
+        q: Vec<f64>,
+        grip: Grip,
+    }
+
+    impl Bench {
+        /// Fingers open about the can, which stands `aside` metres from between them.
+        fn about_the_can(aside: f64) -> Self {
+            let (setup, _) = empty();
+            let planner = setup.planner(GraspAt::Best);
+            let solver = grip_manip::ik::IkSolver::new(planner.robot().clone(), &setup.config);
+            let top = setup.scene.table.height + 0.1018;
+            let down = Isometry3::from_parts(
+                [0.6, 0.1, top - 0.002].into(),
+                UnitQuaternion::from_axis_angle(&Vector3::y_axis(), std::f64::consts::FRAC_PI_2),
+            );
+            let base_from_gripper = setup.scene.world_from_base().iso().inverse() * down;
+            let q = solver.solutions(&base_from_gripper, &setup.start, 16, 1, |_| true).remove(0);
+            let mut world = World::new(&setup.scene, setup.robot.clone(), &setup.config, q.clone()).unwrap();
+            let can = setup.library.load("005_tomato_soup_can").unwrap();
+            let at = Pose::from_xyz_rpy([0.6 + aside, 0.1, top - 0.0509], [0.0; 3]);
+            world.add_object(can, &at).unwrap();
+            let mut bench = Self {
+                watch: Watch::begin(&world, 0, setup.config.gripper.link),
+                world,
+                solver,
+                q,
+                grip: Grip::Open { width: 0.1 },
+            };
+            bench.wait(0.5);
+            bench.watch = Watch::begin(&bench.world, 0, setup.config.gripper.link);
+            bench
+        }
+
+        fn wait(&mut self, seconds: f64) {
+            for _ in 0..(seconds * f64::from(STEP_HZ)) as u32 {
+                self.world.step(&self.q, self.grip);
+                self.watch.step(&self.world);
+            }
+        }
+
+        fn close(&mut self, seconds: f64) -> &mut Self {
+            self.grip = Grip::Close { force_n: 40.0 };
+            self.wait(seconds);
+            self.watch.closed(&self.world);
+            self
+        }
+
+        /// Goes on closing without another word to the score.
+        fn close_on(&mut self, seconds: f64) -> &mut Self {
+            self.wait(seconds);
+            self
+        }
+
+        /// Straight up or down at 0.1 m/s.
+        fn lift(&mut self, metres: f64) -> &mut Self {
+            let path =
+                grip_manip::cartesian::translate(&self.solver, &self.q, Vector3::z() * metres, |_, _| None)
+                    .unwrap();
+            let pause = 10.0 * metres.abs() / (path.waypoints.len() - 1) as f64;
+            for q in &path.waypoints {
+                self.q.clone_from(q);
+                self.wait(pause);
+            }
+            self.wait(0.3);
+            self
+        }
+
+        fn carried(&mut self) -> [bool; 4] {
+            assert!(self.world.stop().is_none(), "{:?}", self.world.stop());
+            self.watch.carried();
+            let c = self.watch.clauses;
+            [c.opposing_contacts, c.lifted_clear, c.held_after_carry, c.slip_within]
+        }
+    }
+
+    /// Every clause of the way has a case that physics decides and that fails by it alone.
+    #[test]
+    fn each_clause_of_the_way_can_fail_alone() {
+        let begin = || Bench::about_the_can(0.0);
+        assert_eq!(begin().close(1.5).lift(0.15).carried(), [true; 4]);
+        // The lift began before the fingers pressed.
+        assert_eq!(begin().close(0.02).close_on(1.5).lift(0.15).carried(), [false, true, true, true]);
+        // Two centimetres are no lift.
+        assert_eq!(begin().close(1.5).lift(0.02).carried(), [true, false, true, true]);
+        // Back on the table before the carry was over.
+        assert_eq!(begin().close(1.5).lift(0.15).lift(-0.16).carried(), [true, true, false, true]);
+        // Pushed up in the hand by the table.
+        let slipped = begin().close(1.5).lift(0.06).lift(-0.09).lift(0.15).carried();
+        assert_eq!(slipped, [true, true, true, false]);
+        // Beside the can nothing holds.
+        assert_eq!(Bench::about_the_can(0.12).close(1.5).lift(0.15).carried(), [false; 4]);
     }
 }

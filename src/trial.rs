@@ -5,29 +5,29 @@
 use std::time::Instant;
 
 use anyhow::{Context, Result};
-use grip_manip::executor::{ExecStage, ExecutionReport, ExecutorSettings, execute, execute_motion};
+use grip_manip::executor::{ExecutionReport, ExecutorSettings, execute, execute_motion};
 use grip_manip::{BeliefScene, BelievedObject, GraspAt, PickPlacePlan, PlanStage, Planner, pick_order};
 use grip_perception::{Detector, PoseEstimator, PosePosterior};
 use grip_sim::frame::CameraFrame;
 use grip_sim::images::RgbImage;
 use grip_sim::physics::{Grip, STEP_HZ, World};
-use grip_sim::pose::Pose;
+use grip_sim::pose::{Object, Pose, World as WorldFrame};
 use grip_sim::render::Renderer;
 use indicatif::ProgressBar;
 use nalgebra::Point3;
 
 use crate::cli;
+use crate::ledger::{Ledger, failure_of, finish};
 use crate::motion_check::JointLog;
-use crate::outcome::{Clauses, ItemResult, Measures, Outcome, Stage, TRIAL_SCHEMA, TrialResult};
+use crate::outcome::{Measures, Outcome, Stage, TRIAL_SCHEMA, TrialResult};
 use crate::pictures;
 use crate::port::{SharedWorld, Watcher, WorldPort};
 use crate::report::LookPictures;
 use crate::score::{self, Watch, Whereabouts};
+use crate::scorecard::{self, DISTURBED_M};
 use crate::setup::Setup;
 use crate::truth;
 
-/// An object is given up after this many attempts.
-const MAX_ATTEMPTS: u32 = 3;
 /// Looks in a row after which nothing could be planned end the trial.
 const MAX_FRUITLESS_LOOKS: u32 = 2;
 /// Below this confidence an estimate is no target, only an obstacle.
@@ -40,8 +40,8 @@ const MOVED_IN_BIN_M: f64 = 0.12;
 const CALM_S: f64 = 2.0;
 /// Simulated seconds at the end of the trial for everything to come to rest.
 const FINAL_SETTLE_S: f64 = 8.0;
-/// Speed below which an item counts as at rest, m/s.
-const AT_REST_M_S: f64 = 0.01;
+/// Simulated seconds after that in which nothing should move any more.
+const DRIFT_S: f64 = 1.0;
 
 /// What to run.
 #[derive(Debug, Clone, Copy)]
@@ -62,50 +62,6 @@ pub struct Trial {
     pub looks: Vec<LookPictures>,
     /// The scene after the last action.
     pub after: RgbImage,
-}
-
-/// Everything that is known about one item while the trial goes on.
-#[derive(Debug, Clone, Default)]
-struct Ledger {
-    attempts: u32,
-    /// The executor says that it lies in the bin, and where.
-    believed_packed: Option<Pose<grip_sim::pose::World, grip_sim::pose::Object>>,
-    failure: Option<(Outcome, Stage, String)>,
-    clauses: Clauses,
-    measures: Measures,
-    add_m: Option<f64>,
-    adds_m: Option<f64>,
-    estimate_s: f64,
-    plan_s: f64,
-    slip_m: Option<f64>,
-    peak_force_n: f64,
-    knocked_out: bool,
-    /// Another item was knocked out during an attempt at this one.
-    knocked_others: bool,
-    /// The fingers pinched another object instead.
-    wrong_object: bool,
-}
-
-impl Ledger {
-    fn fail(&mut self, outcome: Outcome, stage: Stage, reason: impl Into<String>) {
-        self.failure = Some((outcome, stage, reason.into()));
-    }
-
-    fn record_errors(&mut self, add_and_adds: Option<(f64, f64)>) {
-        self.add_m = add_and_adds.map(|(add, _)| add);
-        self.adds_m = add_and_adds.map(|(_, adds)| adds);
-    }
-
-    /// Why an item was not even tried again; what an attempt has shown weighs more.
-    fn pass_over(&mut self, outcome: Outcome, stage: Stage, reason: impl Into<String>) {
-        if self.attempts == 0 {
-            self.fail(outcome, stage, reason);
-        }
-    }
-
-    fn is_open(&self) -> bool {
-        self.believed_packed.is_none() && self.attempts < MAX_ATTEMPTS
-    }
 }
 
 /// Runs a trial.
@@ -169,14 +125,17 @@ pub fn run(
         let (belief, belief_index) = believe(setup, &frame, &out, &posteriors, &ledgers);
         let order: Vec<usize> =
             pick_order(&belief).into_iter().filter(|&b| open.contains(&belief_index[b])).collect();
-        for &i in &open {
-            if !order.iter().any(|&b| belief_index[b] == i) {
-                let confidence = out.iter().position(|&o| o == i).map_or(0.0, |p| posteriors[p].confidence);
+        for &i in open.iter().filter(|&&i| !order.iter().any(|&b| belief_index[b] == i)) {
+            let confidence = out.iter().position(|&o| o == i).map_or(0.0, |p| posteriors[p].confidence);
+            if belief_index.contains(&i) {
                 ledgers[i].pass_over(
-                    Outcome::NotPerceived,
+                    Outcome::NotGrasped,
                     Stage::Look,
-                    format!("confidence {confidence:.2}"),
+                    "fell into the bin while another item was handled",
                 );
+            } else {
+                let reason = format!("confidence {confidence:.2}");
+                ledgers[i].pass_over(Outcome::NotPerceived, Stage::Look, reason);
             }
         }
         let mut chosen = None;
@@ -197,7 +156,7 @@ pub fn run(
                     break;
                 }
                 Err(failure) => {
-                    log::debug!("{failure}: {:?} at {}", failure.counters, belief.objects[b].world_from_object.iso());
+                    log::debug!("{failure}: {:?}", failure.counters);
                     let outcome = match failure.stage {
                         PlanStage::NoPlacePose | PlanStage::NoPlaceIk => Outcome::NoPlace,
                         PlanStage::NoGrasp | PlanStage::NoIk | PlanStage::NoApproach | PlanStage::NoLift => {
@@ -223,6 +182,7 @@ pub fn run(
         // Act, with the score watching.
         progress.set_message(format!("look {}: packing {}", look + 1, setup.models[i].info.name));
         let whereabouts = score::whereabouts(&world, &setup.scene);
+        let poses = world.poses();
         world.reset_peaks();
         let (report, watch) = act(setup, &mut world, i, &plan, &mut log);
         let ledger = &mut ledgers[i];
@@ -232,12 +192,13 @@ pub fn run(
             ledger.clauses = watch.clauses;
             ledger.measures = Measures { knocked_out: ledger.measures.knocked_out, ..watch.measures };
             ledger.wrong_object = watch.wrong_object.is_some();
+            ledger.wrong_objects += u32::from(ledger.wrong_object);
             ledger.slip_m = watch.slip_m;
         }
         ledger.peak_force_n = ledger.peak_force_n.max(world.peak_force(i));
         ledger.failure = None;
         match failure_of(&report) {
-            Some((outcome, stage, reason)) => ledger.fail(outcome, stage, reason),
+            Some((outcome, stage, reason)) => ledger.fail_attempt(outcome, stage, reason),
             None => ledger.believed_packed = Some(plan.world_from_object_placed()),
         }
 
@@ -249,6 +210,7 @@ pub fn run(
         go_home(setup, (&mut world, &mut log), &planner, belief, &belief_index, known, look);
         world.settle(CALM_S);
         note_losses(setup, &world, &mut ledgers, &whereabouts, i);
+        note_disturbance(&world, &mut ledgers, (&whereabouts, &poses), i);
         handled = Some((i, whereabouts));
     }
 
@@ -257,6 +219,8 @@ pub fn run(
     if let Some((i, whereabouts)) = handled {
         note_losses(setup, &world, &mut ledgers, &whereabouts, i);
     }
+    note_blows(&world, &mut ledgers);
+    let drift_m = world.drift(DRIFT_S);
     let (frame, _) = setup.capture(&world, renderer, looks.len())?;
     let items = finish(setup, &world, &mut ledgers, spec.items);
     let result = TrialResult {
@@ -270,6 +234,7 @@ pub fn run(
         renderer: renderer.name(),
         hypotheses: setup.hypotheses.name(),
         requested: spec.items,
+        score: scorecard::fill(setup, &world, &ledgers, &items, drift_m),
         packed: items.iter().filter(|item| item.outcome == Outcome::Packed).count(),
         motion_check: log.check(&planner, &setup.empty_belief()),
         wall_s: started.elapsed().as_secs_f64(),
@@ -287,6 +252,30 @@ fn note_losses(setup: &Setup, world: &World, ledgers: &mut [Ledger], before: &[W
         ledgers[other].knocked_out = true;
         ledgers[handled].knocked_others = true;
         ledgers[handled].measures.knocked_out += 1;
+    }
+}
+
+/// What an attempt at `handled` did to the other items.
+fn note_disturbance(
+    world: &World,
+    ledgers: &mut [Ledger],
+    (whereabouts, poses): (&[Whereabouts], &[Pose<WorldFrame, Object>]),
+    handled: usize,
+) {
+    note_blows(world, ledgers);
+    let ledger = &mut ledgers[handled];
+    for (other, moved) in world.moved_since(poses).into_iter().enumerate().filter(|(i, _)| *i != handled) {
+        ledger.others_moved_m = ledger.others_moved_m.max(moved);
+        if moved > DISTURBED_M {
+            ledger.disturbed[usize::from(whereabouts[other] == Whereabouts::Bin)] += 1;
+        }
+    }
+}
+
+/// The largest blow that each item has taken.
+fn note_blows(world: &World, ledgers: &mut [Ledger]) {
+    for (i, ledger) in ledgers.iter_mut().enumerate() {
+        ledger.peak_impulse_n_s = ledger.peak_impulse_n_s.max(world.peak_impulse(i));
     }
 }
 
@@ -322,7 +311,7 @@ fn act(
 /// Where the object that was handled is believed to be now.
 struct Held {
     object: usize,
-    released: Option<Pose<grip_sim::pose::World, grip_sim::pose::Object>>,
+    released: Option<Pose<WorldFrame, Object>>,
 }
 
 /// Moves the arm back to where the camera sees the table. When no path is found, or the way is blocked, the robot stays
@@ -464,19 +453,6 @@ fn believe(
     (belief, index)
 }
 
-/// What went wrong by the executor's own account; `None` when it says that all is well.
-fn failure_of(report: &ExecutionReport) -> Option<(Outcome, Stage, String)> {
-    let (stage, reason) = report.failure()?;
-    let (outcome, stage) = match stage {
-        ExecStage::Approach => (Outcome::CollisionOnApproach, Stage::Approach),
-        ExecStage::Grasp => (Outcome::Missed, Stage::Grasp),
-        ExecStage::Lift => (Outcome::SlippedOnLift, Stage::Lift),
-        ExecStage::Carry => (Outcome::DroppedInTransit, Stage::Carry),
-        ExecStage::Place => (Outcome::CollisionInTransit, Stage::Place),
-    };
-    Some((outcome, stage, reason))
-}
-
 /// The believed poses as outlines on the frame.
 fn draw_look(
     setup: &Setup,
@@ -501,122 +477,4 @@ fn draw_look(
         depth: frame.depth.clone(),
         overlay: pictures::outlines(&frame.rgb, &believed),
     })
-}
-
-/// Final outcomes, when everything has come to rest.
-fn finish(setup: &Setup, world: &World, ledgers: &mut [Ledger], items: usize) -> Vec<ItemResult> {
-    ledgers
-        .iter_mut()
-        .enumerate()
-        .take(items)
-        .map(|(i, ledger)| {
-            ledger.clauses.in_bin = score::in_bin(world, &setup.scene, i) && world.speed(i) < AT_REST_M_S;
-            ledger.clauses.upright = score::upright(world, i);
-            ledger.clauses.nothing_knocked_out = !ledger.knocked_others;
-            ledger.measures.below_edge_m = score::below_edge_m(world, &setup.scene, i);
-            ledger.measures.speed_m_s = world.speed(i);
-            ledger.measures.tilt_deg = score::tilt_deg(world, i);
-            let (outcome, stage, reason) = verdict(ledger);
-            ItemResult {
-                object: setup.models[i].info.name.clone(),
-                outcome,
-                stage,
-                reason,
-                attempts: ledger.attempts,
-                add_m: ledger.add_m,
-                adds_m: ledger.adds_m,
-                estimate_s: ledger.estimate_s,
-                plan_s: ledger.plan_s,
-                slip_m: ledger.slip_m,
-                peak_force_n: ledger.peak_force_n,
-                clauses: ledger.clauses,
-                measures: ledger.measures,
-            }
-        })
-        .collect()
-}
-
-/// The outcome that the clauses of the last attempt leave, whatever the robot believed.
-fn verdict(ledger: &Ledger) -> (Outcome, Stage, String) {
-    let c = ledger.clauses;
-    if ledger.knocked_out && !c.in_bin {
-        return (Outcome::KnockedOut, Stage::Done, "knocked out while another item was handled".into());
-    }
-    if ledger.wrong_object {
-        return (Outcome::WrongObject, Stage::Grasp, "the fingers closed on another object".into());
-    }
-    if let Some((outcome, stage, reason)) = &ledger.failure {
-        return (*outcome, *stage, reason.clone());
-    }
-    if ledger.attempts == 0 {
-        return (Outcome::NotAttempted, Stage::Look, "the trial ended before".into());
-    }
-    let failed = |outcome, stage, reason: &str| (outcome, stage, reason.to_string());
-    if c.all() {
-        failed(Outcome::Packed, Stage::Done, "")
-    } else if !c.opposing_contacts && !c.in_bin {
-        failed(Outcome::Missed, Stage::Grasp, "no opposing finger contacts when the lift began")
-    } else if !c.lifted_clear && !c.in_bin {
-        failed(Outcome::SlippedOnLift, Stage::Lift, "never lifted clear")
-    } else if !c.held_after_carry && !c.in_bin {
-        failed(Outcome::DroppedInTransit, Stage::Carry, "not held at the end of the carry")
-    } else if !c.in_bin {
-        failed(Outcome::PlacedOutside, Stage::Place, "not at rest in the bin at the end")
-    } else if c.opposing_contacts && c.lifted_clear && c.held_after_carry && !c.slip_within {
-        failed(Outcome::Slipped, Stage::Carry, "moved over 20 mm or turned over 20 degrees in the hand")
-    } else if !c.upright {
-        failed(Outcome::NotUpright, Stage::Done, "leans over 30 degrees, but must stand")
-    } else if !c.nothing_knocked_out {
-        failed(Outcome::Disturbed, Stage::Done, "another item was knocked off the table or out of the bin")
-    } else {
-        failed(Outcome::NotGrasped, Stage::Done, "in the bin, but not by a grasp that held all the way")
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn packed() -> Ledger {
-        let clauses = Clauses {
-            opposing_contacts: true,
-            lifted_clear: true,
-            held_after_carry: true,
-            slip_within: true,
-            in_bin: true,
-            upright: true,
-            nothing_knocked_out: true,
-        };
-        Ledger { attempts: 1, clauses, ..Ledger::default() }
-    }
-
-    #[test]
-    fn each_clause_alone_undoes_a_success() {
-        assert_eq!(verdict(&packed()).0, Outcome::Packed);
-        type Break = fn(&mut Clauses);
-        let breaks: [(Break, Outcome); 7] = [
-            (|c| c.opposing_contacts = false, Outcome::NotGrasped),
-            (|c| c.lifted_clear = false, Outcome::NotGrasped),
-            (|c| c.held_after_carry = false, Outcome::NotGrasped),
-            (|c| c.slip_within = false, Outcome::Slipped),
-            (|c| c.in_bin = false, Outcome::PlacedOutside),
-            (|c| c.upright = false, Outcome::NotUpright),
-            (|c| c.nothing_knocked_out = false, Outcome::Disturbed),
-        ];
-        for (break_it, outcome) in breaks {
-            let mut ledger = packed();
-            break_it(&mut ledger.clauses);
-            assert_eq!(verdict(&ledger).0, outcome);
-        }
-    }
-
-    #[test]
-    fn what_the_robot_reports_as_failed_is_never_a_success() {
-        let mut ledger = packed();
-        ledger.fail(Outcome::DroppedInTransit, Stage::Carry, "fingers closed");
-        assert_eq!(verdict(&ledger).0, Outcome::DroppedInTransit);
-        let wrong = Ledger { wrong_object: true, ..packed() };
-        assert_eq!(verdict(&wrong).0, Outcome::WrongObject);
-        assert_eq!(verdict(&Ledger::default()).0, Outcome::NotAttempted);
-    }
 }

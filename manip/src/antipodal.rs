@@ -165,14 +165,18 @@ fn pad_side(
     let found = hits.len();
     if look == Look::Fine {
         // What is narrower than the grid, such as a rim, has edges.
-        let gripper_from_object = object_from_gripper.inverse();
-        let toward = object_from_gripper.inverse_transform_vector(&out).y;
+        let axes = object_from_gripper.rotation.to_rotation_matrix();
+        let [x, z] = [0, 2].map(|axis| axes.matrix().column(axis).into_owned());
+        let origin = object_from_gripper.translation.vector;
         for vertex in surface.edges() {
-            let p = gripper_from_object * vertex.point;
-            let height = p.y * toward;
-            let on_pad = p.x.abs() <= pad_half.x && p.z.abs() <= pad_half.z;
-            if on_pad && height > 0.0 && height <= 0.5 * opening {
-                hits.push((height, *vertex, Vector2::new(p.x, p.z)));
+            let p = vertex.point.coords - origin;
+            let height = p.dot(&out);
+            if height <= 0.0 || height > 0.5 * opening {
+                continue;
+            }
+            let at = Vector2::new(p.dot(&x), p.dot(&z));
+            if at.x.abs() <= pad_half.x && at.y.abs() <= pad_half.z {
+                hits.push((height, *vertex, at));
             }
         }
     }
@@ -210,64 +214,77 @@ pub fn cone(model: &ObjectModel, settings: &AntipodalSettings) -> f64 {
     (settings.friction_share * 0.5 * (PAD_FRICTION + model.info.friction)).max(0.0).atan()
 }
 
-/// All grasps found, in a fixed order. `hand_fits(object_from_gripper, opening)` says whether the hand is clear of the
-/// object itself. Deterministic: the samples come from a stream named after the object.
-pub fn antipodal_grasps(
+/// All grasps found, in a fixed order. `hand()` makes what says of an object_from_gripper and an opening whether the hand is
+/// clear of the object itself, one for each thread. Deterministic: the samples come from a stream named after the object.
+pub fn antipodal_grasps<H>(
     model: &ObjectModel,
     surface: &Surface,
     gripper: &GripperConfig,
     settings: &AntipodalSettings,
-    hand_fits: impl Fn(&Isometry3<f64>, f64) -> bool,
-) -> Vec<GraspCandidate> {
+    hand: impl Fn() -> H + Send + Sync,
+) -> Vec<GraspCandidate>
+where
+    H: Fn(&Isometry3<f64>, f64) -> bool,
+{
     let cone = cone(model, settings);
     let pairs = spread(&contact_pairs(model, surface, settings, cone), settings.pairs);
-    let of_pair = |pair: &Pair| held_about(pair, surface, gripper, settings, cone);
-    let held: Vec<(Isometry3<f64>, PadContact)> = pairs.par_iter().flat_map_iter(of_pair).collect();
-    // On the way in as well as at the grasp.
-    let clear = |pose: &Isometry3<f64>, opening: f64| {
-        [0.0, 0.02, 0.05].iter().all(|back| hand_fits(&(pose * Translation3::new(-back, 0.0, 0.0)), opening))
-    };
-    held.into_iter()
-        .filter(|(pose, contact)| clear(pose, narrow_opening(contact.width, gripper)))
-        .map(|(pose, contact)| GraspCandidate {
-            object_from_gripper: Pose::new(pose),
-            width: contact.width,
-            contact_share: contact.share,
-            cone_angle: contact.cone_angle,
-            contact_depth: contact.depth,
-            contact_spread: contact.spread,
-            fits_wide: clear(&pose, gripper.opening),
-        })
+    pairs
+        .par_iter()
+        .map_init(hand, |fits, pair| held_about(pair, surface, gripper, settings, cone, fits))
+        .flatten_iter()
         .collect()
 }
 
-/// How the pads can touch about one pair, from all sides and at all depths; the hand is not looked at.
+/// Whether the hand fits at a pose and on the way in.
+fn clear(fits: &impl Fn(&Isometry3<f64>, f64) -> bool, pose: &Isometry3<f64>, opening: f64) -> bool {
+    [0.0, 0.02, 0.05].iter().all(|back| fits(&(pose * Translation3::new(-back, 0.0, 0.0)), opening))
+}
+
+/// How the pads can touch about one pair, from all sides and at all depths, where the hand is clear of the object.
 fn held_about(
     pair: &Pair,
     surface: &Surface,
     gripper: &GripperConfig,
     settings: &AntipodalSettings,
     cone: f64,
-) -> Vec<(Isometry3<f64>, PadContact)> {
+    hand_fits: &impl Fn(&Isometry3<f64>, f64) -> bool,
+) -> Vec<GraspCandidate> {
     let mut found = Vec::new();
     for k in 0..settings.approaches {
         let angle = std::f64::consts::TAU * k as f64 / settings.approaches as f64;
         let rotation = orientation(&pair.axis, angle);
         let approach = rotation * Vector3::x();
         for &depth in &settings.depths {
-            let mut pose =
+            let pose =
                 Isometry3::from_parts(Translation3::from(pair.center.coords - approach * depth), rotation);
             let opening = narrow_opening(pair.width, gripper);
             let pad = &gripper.pad_half_extents;
             let holds = |c: &PadContact| c.cone_angle <= cone && c.width <= settings.max_width;
-            let touched =
-                pad_contact(surface, pad, &pose, opening, Look::Coarse).filter(holds).and_then(|c| {
+            let centred = |c: &PadContact| {
+                let mut pose = pose;
+                pose.translation.vector += rotation * Vector3::y() * c.center;
+                pose
+            };
+            let fits = |c: &PadContact| clear(hand_fits, &centred(c), narrow_opening(c.width, gripper));
+            // The dear look comes last.
+            let touched = pad_contact(surface, pad, &pose, opening, Look::Coarse)
+                .filter(|c| holds(c) && fits(c))
+                .and_then(|c| {
                     let opening = narrow_opening(c.width, gripper).max(opening);
-                    pad_contact(surface, pad, &pose, opening, Look::Fine).filter(holds)
+                    pad_contact(surface, pad, &pose, opening, Look::Fine).filter(|c| holds(c) && fits(c))
                 });
-            let Some(contact) = touched else { continue };
-            pose.translation.vector += rotation * Vector3::y() * contact.center;
-            found.push((pose, contact));
+            if let Some(contact) = touched {
+                let pose = centred(&contact);
+                found.push(GraspCandidate {
+                    object_from_gripper: Pose::new(pose),
+                    width: contact.width,
+                    contact_share: contact.share,
+                    cone_angle: contact.cone_angle,
+                    contact_depth: contact.depth,
+                    contact_spread: contact.spread,
+                    fits_wide: clear(hand_fits, &pose, gripper.opening),
+                });
+            }
         }
     }
     found
@@ -356,7 +373,7 @@ mod tests {
         let (_, config) = fetch();
         let surface = Surface::new(&model.visual.mesh).unwrap();
         let settings = AntipodalSettings::default();
-        antipodal_grasps(model, &surface, &config.gripper, &settings, |_, _| true)
+        antipodal_grasps(model, &surface, &config.gripper, &settings, || |_: &Isometry3<f64>, _: f64| true)
     }
 
     #[test]

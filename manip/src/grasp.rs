@@ -6,7 +6,7 @@ use std::sync::{Arc, Mutex};
 use grip_sim::objects::ObjectModel;
 use grip_sim::pose::{Gripper, Object, Pose, World};
 use grip_sim::robot::GripperConfig;
-use nalgebra::{Point3, Vector3};
+use nalgebra::{Isometry3, Point3, Translation3, Vector3};
 use serde::Serialize;
 
 use crate::antipodal::{AntipodalSettings, GraspCandidate, antipodal_grasps, narrow_opening};
@@ -196,19 +196,21 @@ fn object_grasps(
         }],
         world_from_base: Pose::identity(),
     };
-    let checker = CollisionChecker::new(robot.clone(), &alone);
     // Open fingers keep this far from the object, metres; the palm also keeps as far as pose error and servo lag may push
     // the hand on: what a hand that went too far would run into, it must not run into.
     const ROOM: f64 = 0.001;
     const OVERSHOOT: f64 = 0.005;
     let query = Query { held: None, allowed: &[], margins: Margins { world: ROOM, own: 0.0, spread: 0.0 } };
-    let fits = |pose: &nalgebra::Isometry3<f64>, opening: f64| {
-        let too_far = pose * nalgebra::Translation3::new(OVERSHOOT, 0.0, 0.0);
-        checker.hand_collision(pose, opening, &query).is_none()
-            && checker.hand_collision(&too_far, opening, &query).is_none()
+    let hand = || {
+        let checker = CollisionChecker::new(robot.clone(), &alone);
+        move |pose: &Isometry3<f64>, opening: f64| {
+            let too_far = pose * Translation3::new(OVERSHOOT, 0.0, 0.0);
+            checker.hand_collision(pose, opening, &query).is_none()
+                && checker.hand_collision(&too_far, opening, &query).is_none()
+        }
     };
     ObjectGrasps {
-        candidates: antipodal_grasps(model, &surface, gripper, settings, fits),
+        candidates: antipodal_grasps(model, &surface, gripper, settings, hand),
         center_of_mass: surface.center_of_mass,
         surface: Some(surface),
         cone: crate::antipodal::cone(model, settings),

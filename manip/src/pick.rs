@@ -21,6 +21,8 @@ use crate::timing::Trajectory;
 
 /// Height over which a lifted object may still touch what it touched when it lay, metres.
 const LEAVING: f64 = 0.03;
+/// Directions tried for a lift that leans.
+const LIFTS_ASIDE: u32 = 8;
 /// A guarded motion that stops with less than this left has arrived, metres.
 const NEAR: f64 = 0.02;
 
@@ -262,8 +264,16 @@ impl Attempt<'_> {
         let leaving = Query { allowed: &lying, ..near };
         let rising = Query { allowed: &beside, ..near };
         let clear = Query { margins: settings.free, ..near };
-        settings.lifts.iter().find_map(|&height| {
-            let path = translate(&self.planner.solver, closed, Vector3::z() * height, |gone, q| {
+        let up = settings.lifts.iter().map(|&height| Vector3::z() * height);
+        // Beside a wall or another object: away from it, to whichever side that is.
+        let tallest = settings.lifts.iter().copied().fold(0.0, f64::max);
+        let aside = (0..LIFTS_ASIDE).map(|k| {
+            let azimuth = std::f64::consts::TAU * f64::from(k) / f64::from(LIFTS_ASIDE);
+            let lean = tallest * settings.lift_lean.tan();
+            Vector3::new(lean * azimuth.cos(), lean * azimuth.sin(), tallest)
+        });
+        up.chain(aside).find_map(|way| {
+            let path = translate(&self.planner.solver, closed, way, |gone, q| {
                 let query = if gone < LEAVING { &leaving } else { &rising };
                 self.checker.in_collision(q, query)
             })

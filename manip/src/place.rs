@@ -4,7 +4,7 @@
 //! is tried in which its outline stays clear of the walls: there it comes to rest where its lower side first meets
 //! the map. The best place adds the least to the pile, voids included.
 
-use grip_sim::objects::{Fragility, ObjectModel};
+use grip_sim::objects::ObjectModel;
 use grip_sim::pose::{Object, Pose, World};
 use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
 use serde::Serialize;
@@ -54,8 +54,6 @@ pub struct PlacePose {
 
 /// A gap below this counts as support, metres.
 const SUPPORT_GAP: f64 = 0.006;
-/// Objects heavier than this are not put on delicate ones, kilograms.
-const HEAVY: f64 = 0.3;
 
 /// The map of packed items' tops above the bin's floor, and which item each cell belongs to.
 pub fn bin_map(belief: &BeliefScene, cell: f64) -> (HeightMap, Vec<Option<usize>>) {
@@ -212,12 +210,7 @@ impl SupportCheck<'_> {
             }
             if let Some(below) = self.owner[index] {
                 let below = &self.belief.objects[below].model.info;
-                let crushed = match below.fragility {
-                    Fragility::Sturdy => false,
-                    Fragility::Delicate => self.model.info.mass_kg > HEAVY,
-                    Fragility::Fragile => true,
-                };
-                if crushed {
+                if !below.fragility.bears(self.model.info.mass_kg) {
                     return false;
                 }
             }
@@ -245,6 +238,7 @@ pub fn outline_in_bin(
 mod tests {
     use super::*;
     use crate::testing::{box_model, cylinder_model, empty_scene, groceries, standing};
+    use grip_sim::objects::Fragility;
     use std::sync::Arc;
 
     #[test]

@@ -20,6 +20,8 @@ pub struct PlannerSettings {
     pub near: Margins,
     /// Straight lifts tried, metres, best first. Default 0.20, 0.15, 0.25, 0.10.
     pub lifts: Vec<f64>,
+    /// How far a lift leans to one side where none straight up is free, radians. Default 0.5.
+    pub lift_lean: f64,
     /// Room between the object and the top of the bin's walls when it is carried in, metres. Default 0.03.
     pub over_walls: f64,
     /// Straight way back from a placed object, metres. Default 0.10.
@@ -57,6 +59,7 @@ impl Default for PlannerSettings {
             free: Margins { world: 0.010, own: 0.005, spread: 0.5 },
             near: Margins { world: 0.002, own: 0.003, spread: 0.0 },
             lifts: vec![0.20, 0.15, 0.25, 0.10],
+            lift_lean: 0.5,
             over_walls: 0.03,
             retreat: 0.10,
             release: 0.030,

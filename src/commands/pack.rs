@@ -193,9 +193,10 @@ fn table(result: &TrialResult) -> String {
     let collisions: String = (result.motion_check.collisions.iter())
         .map(|c| format!("\nin collision after {:.3} s: {}", c.time_s, c.bodies))
         .collect();
+    let score = &result.score;
     let mark = if result.estimator == "truth" { " [estimator: truth, a ceiling and no result]" } else { "" };
     format!(
-        "{table}\n\n{} of {} packed in {:.1} s ({:.1} s simulated), objects: {}, renderer: {}{hypotheses}{mark}{collisions}",
+        "{table}\n\n{} of {} packed in {:.1} s ({:.1} s simulated), objects: {}, renderer: {}{hypotheses}{mark}\n{score}{collisions}",
         result.packed, result.requested, result.wall_s, result.sim_s, result.object_set, result.renderer
     )
 }

@@ -68,6 +68,28 @@ pub enum Fragility {
     Fragile,
 }
 
+impl Fragility {
+    /// Height of a fall onto something hard that does no harm, metres. Our assumption, as the classes themselves are.
+    pub fn harmless_fall_m(self) -> f64 {
+        match self {
+            Self::Sturdy => 0.5,
+            Self::Delicate => 0.1,
+            Self::Fragile => 0.02,
+        }
+    }
+
+    /// Whether an object of `mass_kg` may rest on it.
+    pub fn bears(self, mass_kg: f64) -> bool {
+        /// Heavier things crush what is delicate, kilograms.
+        const HEAVY: f64 = 0.3;
+        match self {
+            Self::Sturdy => true,
+            Self::Delicate => mass_kg <= HEAVY,
+            Self::Fragile => false,
+        }
+    }
+}
+
 /// One row of `scenes/objects.toml`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]

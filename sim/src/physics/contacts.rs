@@ -59,6 +59,10 @@ pub struct ObjectContacts {
     pub support_force: f64,
     /// Largest normal force by any one body, newtons.
     pub largest_force: f64,
+    /// Sum of the magnitudes of the normal forces by everything but the fingers, newtons.
+    pub blow_force: f64,
+    /// Objects that press this one down, and with how many newtons each.
+    pub loads: Vec<(usize, f64)>,
     /// Objects that press on this one or that it presses on.
     pub objects: Vec<usize>,
     /// Fixtures it touches.
@@ -144,6 +148,9 @@ impl ObjectContacts {
     fn add(&mut self, other: Body, force: Vector3<f64>) {
         let newtons = force.norm();
         self.largest_force = self.largest_force.max(newtons);
+        if !matches!(other, Body::Finger(_)) {
+            self.blow_force += newtons;
+        }
         match other {
             Body::Finger(side) => self.fingers[side].force += force,
             Body::Link(_) => self.link = true,
@@ -157,6 +164,12 @@ impl ObjectContacts {
                 self.support_force += newtons;
                 if !self.objects.contains(&i) {
                     self.objects.push(i);
+                }
+                if force.z < 0.0 {
+                    match self.loads.iter_mut().find(|(other, _)| *other == i) {
+                        Some((_, load)) => *load -= force.z,
+                        None => self.loads.push((i, -force.z)),
+                    }
                 }
             }
         }

@@ -28,6 +28,9 @@ const AIR: (f32, f32) = (0.0, 0.5);
 /// and while things are laid out.
 const OIL: (f32, f32) = (2.0, 8.0);
 
+/// Steps over which a blow is summed up (21 ms): a stiff contact spreads it over some.
+const BLOW_STEPS: usize = 5;
+
 /// How settling ended.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Settled {
@@ -44,6 +47,10 @@ pub(super) struct ObjectBody {
     pub body: RigidBodyHandle,
     /// Largest normal force by any one body since the last reset, newtons.
     pub peak_force: f64,
+    /// Normal impulses by everything but the fingers in the last steps, the newest anywhere, and their largest sum since the
+    /// last reset, newton seconds.
+    recent: [f64; BLOW_STEPS],
+    pub peak_impulse: f64,
     /// Half of the object's middle extent: the lever arm of rolling resistance scales with it.
     radius: f64,
 }
@@ -197,7 +204,14 @@ impl World {
         }
         let mut half: Vec<f64> = (model.size() / 2.0).iter().copied().collect();
         half.sort_by(f64::total_cmp);
-        self.objects.push(ObjectBody { model, body, peak_force: 0.0, radius: half[1] });
+        self.objects.push(ObjectBody {
+            model,
+            body,
+            peak_force: 0.0,
+            recent: [0.0; BLOW_STEPS],
+            peak_impulse: 0.0,
+            radius: half[1],
+        });
         self.contacts.objects.push(ObjectContacts::default());
         Ok(index)
     }
@@ -221,6 +235,8 @@ impl World {
         self.robot.sense(&self.physics, &self.contacts, &self.fixed);
         for (object, contacts) in self.objects.iter_mut().zip(&self.contacts.objects) {
             object.peak_force = object.peak_force.max(contacts.largest_force);
+            object.recent[self.steps as usize % BLOW_STEPS] = contacts.blow_force / f64::from(self.step_hz);
+            object.peak_impulse = object.peak_impulse.max(object.recent.iter().sum());
         }
         self.steps += 1;
     }
@@ -265,17 +281,27 @@ impl World {
     /// Steps for `seconds` with the robot at rest and returns how far the point that moved most is from where it was,
     /// metres: what only trembles in the solver's hands stays, what rolls does not.
     pub fn drift(&mut self, seconds: f64) -> f64 {
-        let before: Vec<_> = (0..self.objects.len()).map(|i| self.truth(i)).collect();
+        let before = self.poses();
         let (target, grip) = self.hold();
         for _ in 0..(seconds * f64::from(self.step_hz)) as u64 {
             self.step(&target, grip);
         }
-        let moved = before.iter().enumerate().map(|(i, before)| {
+        self.moved_since(&before).into_iter().fold(0.0, f64::max)
+    }
+
+    /// Where all objects are.
+    pub fn poses(&self) -> Vec<FramePose<WorldFrame, Object>> {
+        (0..self.objects.len()).map(|i| self.truth(i)).collect()
+    }
+
+    /// How far the farthest moved point of each object is at most from where it was at the poses `before`, metres.
+    pub fn moved_since(&self, before: &[FramePose<WorldFrame, Object>]) -> Vec<f64> {
+        let moved = before.iter().zip(&self.objects).enumerate().map(|(i, (before, object))| {
             let now = self.truth(i);
-            let turned = now.rotation().angle_to(&before.rotation()) * self.objects[i].model.diameter / 2.0;
+            let turned = now.rotation().angle_to(&before.rotation()) * object.model.diameter / 2.0;
             (now.translation() - before.translation()).norm() + turned
         });
-        moved.fold(0.0, f64::max)
+        moved.collect()
     }
 
     /// A target that keeps the robot where it is.
@@ -375,10 +401,18 @@ impl World {
         self.objects[index].peak_force
     }
 
+    /// Largest normal impulse on object `index` by everything but the fingers within 21 ms since [`World::reset_peaks`],
+    /// newton seconds: what a blow or a fall gives. Its weight at rest counts too (0.07 N s for 0.35 kg).
+    pub fn peak_impulse(&self, index: usize) -> f64 {
+        self.objects[index].peak_impulse
+    }
+
     /// Starts new peaks.
     pub fn reset_peaks(&mut self) {
         for object in &mut self.objects {
             object.peak_force = 0.0;
+            object.recent = [0.0; BLOW_STEPS];
+            object.peak_impulse = 0.0;
         }
     }
 
