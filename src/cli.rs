@@ -95,6 +95,9 @@ pub struct PackArgs {
     /// earlier run there is replaced when this one is done.
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
+    /// Save an animated replay of the trial (replay.gif), seen from outside, four times as fast.
+    #[arg(long)]
+    pub record: bool,
     /// Print the clauses of success item by item, each with the value that it was judged by.
     #[arg(long, conflicts_with = "json")]
     pub strict: bool,

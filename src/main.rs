@@ -8,6 +8,7 @@ mod cli;
 mod commands;
 mod dataset;
 mod explain;
+mod film;
 mod ledger;
 mod motion_check;
 mod outcome;

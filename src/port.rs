@@ -7,6 +7,7 @@ use grip_manip::executor::{ControlTarget, Observer, ProtectiveStop, RobotPort, S
 use grip_manip::{GripperCommand, StepName};
 use grip_sim::physics::{Grip, STEP_HZ, World};
 
+use crate::film::Film;
 use crate::motion_check::JointLog;
 use crate::score::Watch;
 
@@ -73,19 +74,22 @@ impl RobotPort for WorldPort<'_, '_> {
 }
 
 /// Looks at the world after every control period: for the score, and to check the motion afterwards.
-pub struct Watcher<'a, 'w> {
+pub struct Watcher<'a, 'w, 'f> {
     /// The world.
     pub world: &'a SharedWorld<'w>,
     /// Who watches an attempt at an object.
     pub watch: Option<Watch>,
     /// Where the joints were.
     pub log: &'a mut JointLog,
+    /// The camera outside.
+    pub film: &'a mut Film<'f>,
 }
 
-impl Observer for Watcher<'_, '_> {
+impl Observer for Watcher<'_, '_, '_> {
     fn tick(&mut self, step: StepName, time: f64) {
         let world = self.world.borrow();
         self.log.push(time, world.joints());
+        self.film.tick(&world);
         if let Some(watch) = &mut self.watch
             && matches!(step, StepName::Close | StepName::Lift | StepName::Carry)
         {
@@ -95,6 +99,7 @@ impl Observer for Watcher<'_, '_> {
 
     fn step_done(&mut self, report: &StepReport) {
         let Some(watch) = &mut self.watch else { return };
+        self.film.step_done(&self.world.borrow(), report.name);
         match report.name {
             StepName::Close => watch.closed(&self.world.borrow()),
             StepName::Carry => watch.carried(),

@@ -7,8 +7,9 @@ use base64::Engine as _;
 use anyhow::Result;
 use grip_sim::images::{DepthImage, RgbImage};
 
-use crate::outcome::{ItemResult, Outcome, TrialResult};
+use crate::outcome::{ItemResult, Outcome};
 use crate::pictures;
+use crate::trial::Trial;
 
 /// The pictures of one look.
 #[derive(Debug, Clone)]
@@ -28,18 +29,15 @@ h1{font-size:1.5em}h2{font-size:1.15em;margin-top:2em}table{border-collapse:coll
 th,td{text-align:left;padding:.35em .6em;border-bottom:1px solid #d5dae0}td.n,th.n{text-align:right;font-variant-numeric:tabular-nums}\
 .ok{color:#11713a;font-weight:600}.bad{color:#a3261b;font-weight:600}.note{background:#fff4d6;padding:.6em 1em;border-radius:6px}\
 .look{display:flex;gap:8px;flex-wrap:wrap}.look figure{margin:0;flex:1 1 320px}.look img{width:100%;border-radius:4px}\
+.strip{display:flex;gap:6px;margin:.4em 0}.strip figure{margin:0;flex:1 1 0;max-width:25%}.strip img{width:100%;border-radius:4px}\
 figcaption{font-size:.85em;color:#57606a}.key{display:inline-block;width:.8em;height:.8em;border-radius:2px;margin-right:.4em}";
 
 /// The page.
 ///
 /// # Errors
 /// When a picture cannot be encoded.
-pub fn html(
-    result: &TrialResult,
-    looks: &[LookPictures],
-    before: &RgbImage,
-    after: &RgbImage,
-) -> Result<String> {
+pub fn html(trial: &Trial, before: &RgbImage) -> Result<String> {
+    let Trial { result, looks, after, strips, replay } = trial;
     let mut page = String::new();
     let title = format!("{} of {} packed", result.packed, result.requested);
     // Writing to a String cannot fail.
@@ -84,6 +82,22 @@ pub fn html(
     figure(&mut page, before, "the scene at the start")?;
     figure(&mut page, after, "the scene at the end")?;
     page.push_str("</div>");
+    if let Some(gif) = replay {
+        page.push_str("<h2>Replay</h2><div class=look>");
+        picture(&mut page, "image/gif", gif, "four times as fast");
+        page.push_str("</div>");
+    }
+    if !strips.is_empty() {
+        page.push_str("<h2>Attempts</h2>");
+    }
+    for strip in strips {
+        page.push_str("<div class=strip>");
+        for (k, (name, shot)) in strip.pictures.iter().enumerate() {
+            let caption = if k == 0 { format!("{}: {name}", strip.object) } else { (*name).to_string() };
+            picture(&mut page, "image/jpeg", &pictures::jpeg(shot)?, &escape(&caption));
+        }
+        page.push_str("</div>");
+    }
     for (i, look) in looks.iter().enumerate() {
         let _ = write!(page, "<h2>Look {}: {}</h2><div class=look>", i + 1, escape(&look.caption));
         figure(&mut page, &look.rgb, "colour")?;
@@ -132,13 +146,17 @@ fn failed_clauses(item: &ItemResult) -> String {
     failed.join(", ")
 }
 
-fn figure(page: &mut String, picture: &RgbImage, caption: &str) -> Result<()> {
-    let data = base64::engine::general_purpose::STANDARD.encode(pictures::rgb_png(picture)?);
+fn figure(page: &mut String, image: &RgbImage, caption: &str) -> Result<()> {
+    picture(page, "image/jpeg", &pictures::jpeg(image)?, caption);
+    Ok(())
+}
+
+fn picture(page: &mut String, kind: &str, bytes: &[u8], caption: &str) {
+    let data = base64::engine::general_purpose::STANDARD.encode(bytes);
     let _ = write!(
         page,
-        "<figure><img alt='{caption}' src='data:image/png;base64,{data}'><figcaption>{caption}</figcaption></figure>"
+        "<figure><img alt='{caption}' src='data:{kind};base64,{data}'><figcaption>{caption}</figcaption></figure>"
     );
-    Ok(())
 }
 
 fn escape(text: &str) -> String {

@@ -127,8 +127,7 @@ impl Setup {
         renderer: &mut dyn Renderer,
         shot: usize,
     ) -> Result<(CameraFrame, Rendering)> {
-        let mut view = world.render_scene(&self.furniture.drawn);
-        view.bounce = Some(Bounce::of(&self.scene.table, self.furniture.table_albedo));
+        let view = self.view(world);
         let mut random = grip_sim::rng::stream(self.seed, &format!("sensor/{shot}"));
         Ok(sensor::capture(
             renderer,
@@ -139,6 +138,13 @@ impl Setup {
             &self.depth_noise,
             &mut random,
         )?)
+    }
+
+    /// Everything there is to see, as it stands now.
+    pub fn view(&self, world: &World) -> RenderScene {
+        let mut view = world.render_scene(&self.furniture.drawn);
+        view.bounce = Some(Bounce::of(&self.scene.table, self.furniture.table_albedo));
+        view
     }
 
     /// Labels of objects drawn alone at believed poses, as the camera of `frame` would see them.

@@ -17,6 +17,7 @@ use indicatif::ProgressBar;
 use nalgebra::Point3;
 
 use crate::cli;
+use crate::film::{Film, Strip};
 use crate::ledger::{Ledger, failure_of, finish};
 use crate::motion_check::JointLog;
 use crate::outcome::{Measures, Outcome, Stage, TRIAL_SCHEMA, TrialResult};
@@ -52,6 +53,8 @@ pub struct Spec {
     pub grasp_at: GraspAt,
     /// How many of the scene's objects are to be packed; the rest is clutter.
     pub items: usize,
+    /// Whether to record an animated replay.
+    pub record: bool,
 }
 
 /// A finished trial.
@@ -62,6 +65,10 @@ pub struct Trial {
     pub looks: Vec<LookPictures>,
     /// The scene after the last action.
     pub after: RgbImage,
+    /// Each attempt from outside.
+    pub strips: Vec<Strip>,
+    /// The animated replay, a GIF.
+    pub replay: Option<Vec<u8>>,
 }
 
 /// Runs a trial.
@@ -87,6 +94,7 @@ pub fn run(
     let mut fruitless = 0;
     let mut handled = None;
     let mut log = JointLog::default();
+    let mut film = Film::new(setup, spec.record);
 
     loop {
         let open: Vec<usize> = (0..spec.items).filter(|&i| ledgers[i].is_open()).collect();
@@ -184,7 +192,7 @@ pub fn run(
         let whereabouts = score::whereabouts(&world, &setup.scene);
         let poses = world.poses();
         world.reset_peaks();
-        let (report, watch) = act(setup, &mut world, i, &plan, &mut log);
+        let (report, watch) = act(setup, &mut world, i, &plan, (&mut log, &mut film));
         let ledger = &mut ledgers[i];
         ledger.attempts += 1;
         ledger.record_errors(errors[i]);
@@ -207,7 +215,7 @@ pub fn run(
             let_go(&mut world);
         }
         let known = Held { object: i, released: ledgers[i].believed_packed };
-        go_home(setup, (&mut world, &mut log), &planner, belief, &belief_index, known, look);
+        go_home(setup, (&mut world, &mut log, &mut film), &planner, belief, &belief_index, known, look);
         world.settle(CALM_S);
         note_losses(setup, &world, &mut ledgers, &whereabouts, i);
         note_disturbance(&world, &mut ledgers, (&whereabouts, &poses), i);
@@ -223,6 +231,8 @@ pub fn run(
     let drift_m = world.drift(DRIFT_S);
     let (frame, _) = setup.capture(&world, renderer, looks.len())?;
     let items = finish(setup, &world, &mut ledgers, spec.items);
+    let strips = film.strips(renderer, progress)?;
+    let replay = film.replay(renderer, progress)?;
     let result = TrialResult {
         schema: TRIAL_SCHEMA,
         seed: setup.seed,
@@ -242,7 +252,7 @@ pub fn run(
         items,
         state_hash: world.state_hash(),
     };
-    Ok(Trial { result, looks, after: frame.rgb })
+    Ok(Trial { result, looks, after: frame.rgb, strips, replay })
 }
 
 /// Marks what left the table or the bin since `before`, and the item `handled` meanwhile.
@@ -295,11 +305,12 @@ fn act(
     world: &mut World,
     i: usize,
     plan: &PickPlacePlan,
-    log: &mut JointLog,
+    (log, film): (&mut JointLog, &mut Film<'_>),
 ) -> (ExecutionReport, Option<Watch>) {
     let watch = Some(Watch::begin(world, i, setup.config.gripper.link));
+    film.begin(world, &plan.object);
     let shared = SharedWorld::new(world);
-    let mut watcher = Watcher { world: &shared, watch, log };
+    let mut watcher = Watcher { world: &shared, watch, log, film };
     let report = execute(&mut WorldPort::new(&shared), plan, &ExecutorSettings::default(), &mut watcher);
     log::debug!("{}: {:?}", plan.object, plan.grasp);
     for step in &report.steps {
@@ -318,7 +329,7 @@ struct Held {
 /// and the next look has to do with what it sees.
 fn go_home(
     setup: &Setup,
-    (world, log): (&mut World, &mut JointLog),
+    (world, log, film): (&mut World, &mut JointLog, &mut Film<'_>),
     planner: &Planner,
     mut belief: BeliefScene,
     index: &[usize],
@@ -342,7 +353,7 @@ fn go_home(
         Ok(trajectory) => {
             let shared = SharedWorld::new(world);
             let mut port = WorldPort::new(&shared);
-            let mut watcher = Watcher { world: &shared, watch: None, log };
+            let mut watcher = Watcher { world: &shared, watch: None, log, film };
             let report = execute_motion(&mut port, &trajectory, &ExecutorSettings::default(), &mut watcher);
             if let Some((_, reason)) = report.failure() {
                 log::info!("on the way home: {reason}");

@@ -15,7 +15,7 @@ use crate::outcome::TrialResult;
 use crate::run_dir::RunDir;
 use crate::setup::{self, Setup};
 use crate::trial::{self, Spec, Trial};
-use crate::{output, pictures, report};
+use crate::{film, output, pictures, report};
 
 /// Packs, saves the run, prints the score.
 pub fn run(args: &PackArgs) -> Result<Done> {
@@ -32,7 +32,7 @@ pub fn run(args: &PackArgs) -> Result<Done> {
     let most = setup.models.len();
     let items = args.items.unwrap_or(most);
     ensure!((1..=most).contains(&items), "--items {items}: the scene has {most} objects; give 1 to {most}");
-    let spec = Spec { estimator: args.estimator, grasp_at: args.grasp_at.into(), items };
+    let spec = Spec { estimator: args.estimator, grasp_at: args.grasp_at.into(), items, record: args.record };
     setup::check_network_is_used(
         &args.network,
         uses_network(args),
@@ -146,7 +146,13 @@ fn save(run: &RunDir, setup: &Setup, args: &PackArgs, network: Option<String>, t
         let sheet = [before.clone(), depth, first.overlay.clone(), trial.after.clone()];
         run.write("summary.png", pictures::rgb_png(&pictures::sheet(&sheet, 2))?)?;
     }
-    run.write("report.html", report::html(&trial.result, &trial.looks, before, &trial.after)?)
+    if !trial.strips.is_empty() {
+        run.write("film.jpg", pictures::jpeg(&film::sheet(&trial.strips))?)?;
+    }
+    if let Some(replay) = &trial.replay {
+        run.write("replay.gif", replay)?;
+    }
+    run.write("report.html", report::html(trial, before)?)
 }
 
 /// Each clause of each item that was tried, with its value and its bound.

@@ -48,6 +48,23 @@ impl Default for ColorSensor {
     }
 }
 
+/// The exposure at which a picture for people has photography's middle grey on average: [`develop`]'s second argument.
+pub fn metered(radiance: &RadianceImage) -> f32 {
+    let data = radiance.data();
+    let sum: f64 = data.iter().map(|[r, g, b]| f64::from(r + g + b) / 3.0).sum();
+    let mean = sum / data.len().max(1) as f64;
+    if mean > 0.0 { (0.18 / mean) as f32 } else { 1.0 }
+}
+
+/// A picture for people, not for perception: no noise, no blur, white at a luminance of 1 / `exposure` cd/m^2.
+pub fn develop(radiance: &RadianceImage, exposure: f32) -> RgbImage {
+    let mut picture = RgbImage::new(radiance.width() as u32, radiance.height() as u32);
+    for (pixel, light) in picture.pixels_mut().zip(radiance.data()) {
+        pixel.0 = light.map(|c| encode_8bit((c * exposure).clamp(0.0, 1.0)));
+    }
+    picture
+}
+
 /// What auto exposure chose.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Exposure {
