@@ -184,6 +184,7 @@ impl Setup {
                 wall_height: bin.wall_height,
             },
             objects: Vec::new(),
+            seen: Vec::new(),
             world_from_base: self.scene.world_from_base(),
         }
     }

@@ -130,7 +130,9 @@ pub fn run(
         relook_at_bin(setup, spec.estimator, &world, &frame, &mut ledgers, look)?;
 
         // Believe, and plan for the first open object that can be packed.
-        let (belief, belief_index) = believe(setup, &frame, &out, &posteriors, &ledgers);
+        let (mut belief, belief_index) = believe(setup, &frame, &out, &posteriors, &ledgers);
+        belief.seen = planner.unexplained(&belief, &frame, world.joints());
+        log::debug!("look {look}: {} points of what is not recognised", belief.seen.len());
         let order: Vec<usize> =
             pick_order(&belief).into_iter().filter(|&b| open.contains(&belief_index[b])).collect();
         for &i in open.iter().filter(|&&i| !order.iter().any(|&b| belief_index[b] == i)) {

@@ -32,7 +32,14 @@ fn scene(table_height: f64, bin_xy: [f64; 2], bin_yaw: f64) -> BeliefScene {
         geometry: Convex::Cuboid { half: Vector3::new(0.30, 0.60, 0.02) },
     }];
     fixtures.extend(bin_fixtures(&bin, WALL));
-    BeliefScene { fixtures, table_height, bin, objects: Vec::new(), world_from_base: Pose::identity() }
+    BeliefScene {
+        fixtures,
+        table_height,
+        bin,
+        objects: Vec::new(),
+        seen: Vec::new(),
+        world_from_base: Pose::identity(),
+    }
 }
 
 fn main() -> Result<(), Box<dyn Error>> {

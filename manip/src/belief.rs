@@ -6,6 +6,7 @@ use std::sync::Arc;
 use grip_sim::objects::ObjectModel;
 use grip_sim::pose::{Base, Object, Pose, World};
 use grip_sim::shape::CollisionShape;
+use nalgebra::Point3;
 
 /// A box without a lid.
 #[derive(Debug, Clone, PartialEq)]
@@ -48,6 +49,8 @@ pub struct BeliefScene {
     pub bin: BinGeometry,
     /// The objects, packed or not.
     pub objects: Vec<BelievedObject>,
+    /// What was seen and is nothing of the above: points of the world on a grid of a centimetre, metres ([`crate::seen`]).
+    pub seen: Vec<Point3<f64>>,
     /// Where the robot stands.
     pub world_from_base: Pose<World, Base>,
 }
@@ -70,6 +73,9 @@ impl BeliefScene {
                 || !f.pose.rotation.coords.iter().all(|v| v.is_finite())
         }) {
             return Some("a fixture's pose is not finite".into());
+        }
+        if self.seen.iter().any(|p| !p.coords.iter().all(|v| v.is_finite())) {
+            return Some("a point of what was seen is not finite".into());
         }
         self.objects
             .iter()

@@ -194,6 +194,7 @@ fn object_grasps(
             confidence: 1.0,
             packed: false,
         }],
+        seen: Vec::new(),
         world_from_base: Pose::identity(),
     };
     // Open fingers keep this far from the object, metres; the palm also keeps as far as pose error and servo lag may push

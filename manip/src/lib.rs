@@ -3,6 +3,7 @@
 //! | module | what it holds |
 //! |---|---|
 //! | [`belief`] | what the planner knows: fixtures, bin, estimated objects, base |
+//! | [`seen`] | depth readings that nothing believed explains, as obstacles |
 //! | [`collision`], [`edge`] | collision checks of configurations and motions |
 //! | [`space`], [`rrt`] | joint spaces, RRT-Connect and shortcutting |
 //! | [`ik`], [`cartesian`] | inverse kinematics with many seeds, straight motions of the gripper |
@@ -33,6 +34,7 @@ pub mod plan;
 pub mod planner;
 pub mod reach;
 pub mod rrt;
+pub mod seen;
 pub mod settings;
 pub mod smooth;
 pub mod solve;

@@ -75,6 +75,17 @@ pub fn bin_map(belief: &BeliefScene, cell: f64) -> (HeightMap, Vec<Option<usize>
             });
         }
     }
+    for point in &belief.seen {
+        let p = bin_from_world * point;
+        let cell = [0, 1].map(|axis| ((p[axis] - origin[axis]) / cell).floor());
+        if (0..2).all(|axis| cell[axis] >= 0.0 && cell[axis] < size[axis] as f64) && p.z < 0.5 {
+            let index = cell[0] as usize + cell[1] as usize * size[0];
+            if p.z > map.heights[index] {
+                map.heights[index] = p.z;
+                owner[index] = None;
+            }
+        }
+    }
     (map, owner)
 }
 

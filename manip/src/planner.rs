@@ -3,8 +3,9 @@
 use std::sync::Arc;
 use std::time::Instant;
 
+use grip_sim::frame::CameraFrame;
 use grip_sim::robot::{RobotConfig, RobotModel};
-use nalgebra::Vector3;
+use nalgebra::{Point3, Vector3};
 use rand_chacha::ChaCha8Rng;
 
 use crate::belief::BeliefScene;
@@ -15,6 +16,7 @@ use crate::grasp::GraspCache;
 use crate::ik::IkSolver;
 use crate::plan::{PlanCounters, PlanFailure, PlanStage};
 use crate::rrt::{SearchStatus, Validity, rrt_connect, shortcut};
+use crate::seen::{SeenSettings, unexplained};
 use crate::settings::PlannerSettings;
 use crate::smooth::SmoothPath;
 use crate::space::JointSpace;
@@ -106,6 +108,12 @@ impl Planner {
         seed: u64,
     ) -> Result<Trajectory, PlanFailure> {
         self.free_path(q_now, q_home, belief, None, seed)
+    }
+
+    /// What of a frame nothing in `belief` explains, the robot standing at `q` (all movable joints): see [`crate::seen`].
+    pub fn unexplained(&self, belief: &BeliefScene, frame: &CameraFrame, q: &[f64]) -> Vec<Point3<f64>> {
+        let checker = CollisionChecker::new(self.robot.clone(), belief);
+        unexplained(frame.points(), belief, &checker, q, &SeenSettings::default())
     }
 
     /// [`crate::pick::pick_order`].

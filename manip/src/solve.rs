@@ -221,6 +221,7 @@ fn scene_of(problem: &MotionProblem) -> BeliefScene {
         table_height: 0.0,
         bin: BinGeometry { world_from_bin: Pose::identity(), inner: [1.0, 1.0], wall_height: 0.0 },
         objects: Vec::new(),
+        seen: Vec::new(),
         world_from_base: Pose::identity(),
     }
 }

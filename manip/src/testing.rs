@@ -115,7 +115,14 @@ pub(crate) fn empty_scene() -> BeliefScene {
         geometry: Convex::Cuboid { half: Vector3::new(0.30, 0.60, 0.02) },
     }];
     fixtures.extend(bin_fixtures(&bin, 0.008));
-    BeliefScene { fixtures, table_height, bin, objects: Vec::new(), world_from_base: Pose::identity() }
+    BeliefScene {
+        fixtures,
+        table_height,
+        bin,
+        objects: Vec::new(),
+        seen: Vec::new(),
+        world_from_base: Pose::identity(),
+    }
 }
 
 /// `model` standing on the table at (x, y), turned by `yaw`.

@@ -253,7 +253,11 @@ fn eight_configurations_at_once_collide_when_one_of_them_does() {
     use crate::collision::batch::Batch;
     use crate::testing::box_model;
     use grip_sim::lanes::{F8, LANES};
-    let belief = groceries();
+    let mut belief = groceries();
+    // And a wall of points beside the table, seen and not recognised.
+    belief.seen = (0..600)
+        .map(|k| nalgebra::Point3::new(0.5 + 0.01 * f64::from(k % 30), 0.4, 0.7 + 0.01 * f64::from(k / 30)))
+        .collect();
     let planner = planner();
     let (solver, robot) = (planner.solver(), planner.robot());
     let checker = CollisionChecker::new(robot.clone(), &belief);
@@ -264,6 +268,7 @@ fn eight_configurations_at_once_collide_when_one_of_them_does() {
     let space = solver.space(0.0);
     let mut q = ready();
     let mut counts = [0; 2];
+    let mut against_seen = 0;
     for (held, margin) in [(None, 0.0), (Some(&held), 0.01)] {
         // Links are posed in single precision, and GJK in it ends within a thousandth of a distance.
         let query = |more: f64| Query {
@@ -287,11 +292,14 @@ fn eight_configurations_at_once_collide_when_one_of_them_does() {
                 let collides = |more: f64| checker.in_collision(&q, &query(more)).is_some();
                 assert!(if found { collides(3e-5) } else { !collides(-3e-5) }, "{found}: {group:?}");
                 counts[usize::from(found)] += 1;
+                let pairs = checker.collisions(&q, &exact);
+                against_seen += usize::from(!pairs.is_empty() && pairs.iter().all(|p| p.b == Body::Seen));
             }
             assert_eq!(batch.any_collides(&lanes), one_collides);
         }
     }
     assert!(counts.iter().all(|n| *n > 1000), "{counts:?}");
+    assert!(against_seen > 20, "{against_seen}: some meet nothing but the points");
 }
 
 #[test]
@@ -301,10 +309,16 @@ fn a_way_out_of_a_narrow_place_is_free_and_leads_away() {
     let checker = CollisionChecker::new(planner.robot().clone(), &belief);
     let plan = plan(&belief, 1, 1);
     let Action::Move { trajectory, .. } = &plan.steps[2].action else { panic!("{:?}", plan.steps[2].name) };
-    let mut q = ready();
-    planner.solver().scatter(trajectory.first(), &mut q);
     let query =
         Query { held: None, allowed: &[], margins: Margins { world: 0.001, own: 0.001, spread: 0.0 } };
+    // Where the approach has come close, but not too close.
+    let near = |q: &Vec<f64>| (0.004..0.02).contains(&checker.clearance(q, &query, 0.5));
+    let on_the_way = trajectory.points.iter().rev().map(|point| {
+        let mut q = ready();
+        planner.solver().scatter(&point.q, &mut q);
+        q
+    });
+    let q = on_the_way.into_iter().find(near).unwrap();
     let space = planner.solver().space(0.0);
     let edges = crate::edge::EdgeCheck::new(&checker, query, &space, planner.solver(), &q, 0.002);
     let chain = planner.way_out(&checker, &query, &space, &edges, &q);

@@ -3,6 +3,7 @@
 use crate::camera::Intrinsics;
 use crate::images::{DepthImage, RgbImage};
 use crate::pose::{Camera, Pose, World};
+use nalgebra::Point3;
 
 /// One registered RGB-D frame. By design no field holds truth: labels are a separate product of the renderer.
 #[derive(Debug, Clone)]
@@ -15,4 +16,15 @@ pub struct CameraFrame {
     pub intrinsics: Intrinsics,
     /// The camera's pose as the robot knows it, from forward kinematics.
     pub world_from_camera: Pose<World, Camera>,
+}
+
+impl CameraFrame {
+    /// The depth readings as points of the world, metres, row by row.
+    pub fn points(&self) -> impl Iterator<Item = Point3<f64>> + '_ {
+        let columns = self.depth.width();
+        self.depth.data().iter().enumerate().filter(|(_, z)| **z > 0.0).map(move |(i, &z)| {
+            let (u, v) = ((i % columns) as f64, (i / columns) as f64);
+            self.world_from_camera.transform_point(&self.intrinsics.back_project(u, v, f64::from(z)))
+        })
+    }
 }

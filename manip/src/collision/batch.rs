@@ -14,6 +14,7 @@ use grip_sim::lanes::{F8, Isa, LANES, V8, per_machine};
 use grip_sim::robot::{GroupKinematics, Pose8};
 use parry3d::math::{Pose, Rotation, Vector};
 
+use super::cloud::Cloud;
 use super::cover::Ball;
 use super::solid::{Frame, Piece, Solid, pose32};
 use super::{Body, CollisionChecker, LinkSolids, Obstacle, Query, pieces_meet};
@@ -42,8 +43,9 @@ struct MovingPart<'a> {
     /// About all of it.
     bound: Ball,
     pieces: Vec<MovingPiece<'a>>,
-    /// Obstacles that it may meet, by index.
+    /// Obstacles that it may meet, by index, and whether it may meet the point cloud.
     obstacles: Vec<usize>,
+    cloud: bool,
 }
 
 /// A convex piece of a part, in the part's body.
@@ -92,6 +94,7 @@ impl<'a> Batch<'a> {
                 bound: moved(&solids.bound),
                 pieces: pieces.collect(),
                 obstacles: obstacles.map(|(i, _)| i).collect(),
+                cloud: body != 0 && solids.moves && !query.allows(name, Body::Seen),
             }
         };
         let mut parts = Vec::new();
@@ -218,6 +221,18 @@ fn check(batch: &Batch<'_>, q: &[F8]) -> bool {
             }
         }
     }
+    if let Some(cloud) = &batch.checker.cloud {
+        for (i, part) in batch.parts.iter().enumerate().rev().filter(|(_, part)| part.cloud) {
+            let reach = part.bound.radius + batch.margin;
+            if !(0..LANES).any(|lane| cloud.may_meet_ball(at_lane(&bounds[i], lane), reach)) {
+                continue;
+            }
+            place(&mut balls[i], part, poses);
+            if meets_cloud(part, &balls[i], cloud, batch.margin, poses) {
+                return true;
+            }
+        }
+    }
     for &(a, b) in &batch.pairs {
         let reach = batch.parts[a].bound.radius + batch.parts[b].bound.radius + batch.own;
         let between = bounds[a] - bounds[b];
@@ -276,6 +291,26 @@ fn meets_obstacle(
         }
     }
     false
+}
+
+#[inline(always)]
+fn at_lane(v: &V8, lane: usize) -> Vector {
+    Vector::from_array(v.lane(lane))
+}
+
+fn meets_cloud(part: &MovingPart<'_>, centers: &[V8], cloud: &Cloud, margin: f32, poses: &[Pose8]) -> bool {
+    part.pieces.iter().any(|moving| {
+        let mut lanes = 0;
+        for (ball, center) in moving.balls.iter().zip(&centers[moving.first..]) {
+            for lane in 0..LANES {
+                let touches = lanes >> lane & 1 == 1
+                    || cloud.may_meet_ball(at_lane(center, lane), ball.radius + margin);
+                lanes |= u32::from(touches) << lane;
+            }
+        }
+        let meets = |lane| cloud.meets_piece(moving.piece, &part_pose(part, poses, lane), margin);
+        lanes != 0 && confirm(lanes, meets)
+    })
 }
 
 /// The balls of one part against the boxes of another that moves.

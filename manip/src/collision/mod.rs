@@ -5,6 +5,7 @@
 //! than a margin. Everything is in the robot's base frame, in single precision.
 
 pub(crate) mod batch;
+mod cloud;
 mod cover;
 mod robot;
 mod solid;
@@ -16,12 +17,15 @@ use grip_sim::objects::ObjectModel;
 use nalgebra::Isometry3;
 use parry3d::math::{Pose, Vector};
 
+use cloud::Cloud;
+pub use cloud::POINT_RADIUS;
 pub use cover::Ball;
 use robot::LinkSolids;
 pub use robot::{CoverSummary, RobotSolids};
-use solid::{Piece, distance, near, pose32};
+use solid::{Piece, distance, distance_from_point, near, pose32};
 
 use crate::belief::BeliefScene;
+use crate::seen::SeenSettings;
 
 /// Something that can collide.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -32,6 +36,8 @@ pub enum Body {
     Fixture(usize),
     /// An object, by its index in the belief.
     Object(usize),
+    /// What was seen and is not explained.
+    Seen,
     /// The object in the hand.
     Held,
 }
@@ -119,6 +125,7 @@ struct Scratch {
 pub struct CollisionChecker {
     robot: Arc<RobotSolids>,
     obstacles: Vec<Obstacle>,
+    cloud: Option<Cloud>,
     names: Vec<(Body, String)>,
     scratch: RefCell<Scratch>,
 }
@@ -140,6 +147,7 @@ impl CollisionChecker {
             belief.objects.iter().enumerate().map(|(i, o)| (Body::Object(i), o.name.clone())).collect();
         Self {
             obstacles: fixtures.chain(objects).filter(|o| !o.pieces.is_empty()).collect(),
+            cloud: Cloud::new(&belief.seen, &base_from_world),
             names,
             robot,
             scratch: RefCell::default(),
@@ -157,6 +165,7 @@ impl CollisionChecker {
             Body::Link(i) => self.robot.model.links()[i].name.clone(),
             Body::Fixture(i) => format!("fixture {i}"),
             Body::Held => "held object".into(),
+            Body::Seen => "something seen and not recognised".into(),
             Body::Object(_) => self
                 .names
                 .iter()
@@ -208,6 +217,10 @@ impl CollisionChecker {
                         return;
                     }
                 }
+                let pair = CollisionPair { a: Body::Link(i), b: Body::Seen };
+                if self.meets_cloud(link, pose, margin) && !query.allows(pair.a, pair.b) && report(pair) {
+                    return;
+                }
             }
         }
         let own = query.margins.own as f32;
@@ -228,6 +241,10 @@ impl CollisionChecker {
                 return;
             }
         }
+        let pair = CollisionPair { a: Body::Held, b: Body::Seen };
+        if self.meets_cloud(&held.solids, pose, margin) && !query.allows(pair.a, pair.b) && report(pair) {
+            return;
+        }
         for (i, link) in self.robot.links.iter().enumerate() {
             if link.pieces.is_empty() || self.robot.hand.contains(&i) {
                 continue;
@@ -239,6 +256,41 @@ impl CollisionChecker {
             {
                 return;
             }
+        }
+    }
+
+    fn meets_cloud(&self, solids: &LinkSolids, pose: &Pose, margin: f32) -> bool {
+        self.cloud.as_ref().is_some_and(|cloud| cloud.meets(solids, pose, margin))
+    }
+
+    /// What says of a point of the base frame whether a fixture, an object or the robot at `q` is near enough to explain it.
+    pub fn explains<'a>(
+        &'a self,
+        q: &[f64],
+        settings: &'a SeenSettings,
+    ) -> impl Fn(&nalgebra::Point3<f64>) -> bool + 'a {
+        let poses: Vec<Pose> = self.robot.model.fk(q).iter().map(pose32).collect();
+        move |point| {
+            let p = Vector::new(point.x as f32, point.y as f32, point.z as f32);
+            let near = |pieces: &[Piece], p: Vector, reach: f32| {
+                pieces.iter().any(|piece| {
+                    piece.box_distance_squared(p) <= reach * reach
+                        && distance_from_point(&piece.solid, piece.pose.inverse_transform_point(p)) <= reach
+                })
+            };
+            let by_obstacle = self.obstacles.iter().any(|o| {
+                let reach = match o.body {
+                    Body::Fixture(_) => settings.fixture as f32,
+                    _ => settings.object as f32 + o.spread,
+                };
+                o.box_distance(p) <= reach && near(&o.pieces, p, reach)
+            });
+            let reach = settings.robot as f32;
+            by_obstacle
+                || self.robot.links.iter().zip(&poses).any(|(link, pose)| {
+                    let local = pose.inverse_transform_point(p);
+                    (local - link.center).length() <= link.radius + reach && near(&link.pieces, local, reach)
+                })
         }
     }
 
@@ -267,6 +319,15 @@ impl CollisionChecker {
         query: &Query<'_>,
         mut best: f32,
     ) -> f32 {
+        if let Some(cloud) = self.cloud.as_ref().filter(|_| !query.allows(body, Body::Seen)) {
+            for piece in &solids.pieces {
+                let reachable =
+                    piece.cover.iter().any(|c| cloud.may_meet_ball(*pose * *c, piece.ball + best));
+                if reachable {
+                    best = best.min(cloud.piece_distance(piece, pose, best));
+                }
+            }
+        }
         for o in &self.obstacles {
             if Some(o.body) == skip || query.allows(body, o.body) {
                 continue;
@@ -316,7 +377,12 @@ impl CollisionChecker {
                     .iter()
                     .filter(|o| Some(o.body) != skip)
                     .find(|o| o.meets(solids, &pose, margin, query) && !query.allows(body, o.body))
-                    .map(|o| CollisionPair { a: body, b: o.body })
+                    .map(|o| o.body)
+                    .or_else(|| {
+                        let seen = self.meets_cloud(solids, &pose, margin) && !query.allows(body, Body::Seen);
+                        seen.then_some(Body::Seen)
+                    })
+                    .map(|b| CollisionPair { a: body, b })
             })
     }
 
