@@ -38,6 +38,8 @@ pub enum Command {
     Explain(ExplainArgs),
     /// Draw how searches converge: error of the best pose against iterations and time.
     Convergence(ConvergenceArgs),
+    /// Find the grasps of objects and save them as files, for `pack --grasps` and for other programs.
+    Grasps(GraspsArgs),
     /// List the objects and the set that is in use.
     Objects(ObjectsArgs),
     /// Show the robot: what was loaded, joints, limits.
@@ -88,6 +90,9 @@ pub struct PackArgs {
     /// Whether grasps are scored at the best pose alone or over the posterior.
     #[arg(long, value_enum, default_value_t = GraspAt::Posterior)]
     pub grasp_at: GraspAt,
+    /// Folder of grasps to use instead of those that are found: a file OBJECT.json each, as `grip grasps --out` makes them.
+    #[arg(long, value_name = "DIR")]
+    pub grasps: Option<PathBuf>,
     /// Pack only the first K objects of the scene; the others stay as clutter.
     #[arg(long, value_name = "K")]
     pub items: Option<usize>,
@@ -458,6 +463,25 @@ pub struct ObjectsArgs {
     #[arg(long, value_name = "DIR")]
     pub ycb: Option<PathBuf>,
     /// Print JSON.
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// `grip grasps`.
+#[derive(Debug, Args)]
+pub struct GraspsArgs {
+    /// Objects, by name [default: all of the table].
+    #[arg(value_name = "OBJECT")]
+    pub objects: Vec<String>,
+    /// Folder for one file an object [default: none is written]; an earlier one there is replaced.
+    #[arg(long, value_name = "DIR")]
+    pub out: Option<PathBuf>,
+    /// Folder of scanned objects (official YCB layout, or a BOP `models` folder) [env: GRIP_YCB_DIR].
+    #[arg(long, value_name = "DIR")]
+    pub ycb: Option<PathBuf>,
+    #[command(flatten)]
+    pub robot: RobotFile,
+    /// Print the sets as JSON.
     #[arg(long)]
     pub json: bool,
 }

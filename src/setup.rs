@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use anyhow::{Context, Result};
+use grip_manip::grasp_set::file_name;
 use grip_manip::{BeliefScene, BinGeometry, GraspAt, Planner, PlannerSettings};
 use grip_perception::{
     ClusterSettings, Clusters, Detection, Detections, GripEstimator, GripSettings, HypothesisRenderer,
@@ -277,6 +278,18 @@ impl Setup {
         let mut settings = PlannerSettings::default();
         settings.grasp.at = grasp_at;
         Planner::new(self.robot.clone(), self.config.clone(), settings)
+    }
+
+    /// The same, with the grasps of each object in the scene from the files in `folder`.
+    pub fn planner_with_grasps(&self, grasp_at: GraspAt, folder: Option<&Path>) -> Result<Planner> {
+        let planner = self.planner(grasp_at);
+        let Some(folder) = folder else { return Ok(planner) };
+        for model in &self.models {
+            let file = folder.join(file_name(&model.info.name));
+            let [held, all] = planner.use_grasps(model, &file)?;
+            log::info!("{}: {held} of {all} grasps hold the object", file.display());
+        }
+        Ok(planner)
     }
 
     /// The head camera's pose in the start configuration.

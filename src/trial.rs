@@ -6,7 +6,7 @@ use std::time::Instant;
 
 use anyhow::{Context, Result};
 use grip_manip::executor::{ExecutionReport, ExecutorSettings, execute, execute_motion};
-use grip_manip::{BeliefScene, BelievedObject, GraspAt, PickPlacePlan, PlanStage, Planner, pick_order};
+use grip_manip::{BeliefScene, BelievedObject, PickPlacePlan, PlanStage, Planner, pick_order};
 use grip_perception::{Detector, PoseEstimator, PosePosterior};
 use grip_sim::frame::CameraFrame;
 use grip_sim::images::RgbImage;
@@ -49,8 +49,6 @@ const DRIFT_S: f64 = 1.0;
 pub struct Spec {
     /// Who estimates poses.
     pub estimator: cli::Estimator,
-    /// Which poses of an object its grasps are scored at.
-    pub grasp_at: GraspAt,
     /// How many of the scene's objects are to be packed; the rest is clutter.
     pub items: usize,
     /// Whether to record an animated replay.
@@ -78,6 +76,7 @@ pub struct Trial {
 pub fn run(
     setup: &Setup,
     spec: Spec,
+    planner: &Planner,
     detector: &dyn Detector,
     renderer: &mut dyn Renderer,
     progress: &ProgressBar,
@@ -88,7 +87,6 @@ pub fn run(
     log::info!("scene settled in {:.1} s, {} layouts rejected", dropped.settle_s, dropped.rejected.len());
 
     let grip = setup.grip()?;
-    let planner = setup.planner(spec.grasp_at);
     let mut ledgers = vec![Ledger::default(); setup.models.len()];
     let mut looks = Vec::new();
     let mut fruitless = 0;
@@ -217,7 +215,7 @@ pub fn run(
             let_go(&mut world);
         }
         let known = Held { object: i, released: ledgers[i].believed_packed };
-        go_home(setup, (&mut world, &mut log, &mut film), &planner, belief, &belief_index, known, look);
+        go_home(setup, (&mut world, &mut log, &mut film), planner, belief, &belief_index, known, look);
         world.settle(CALM_S);
         note_losses(setup, &world, &mut ledgers, &whereabouts, i);
         note_disturbance(&world, &mut ledgers, (&whereabouts, &poses), i);
@@ -248,7 +246,7 @@ pub fn run(
         requested: spec.items,
         score: scorecard::fill(setup, &world, &ledgers, &items, drift_m),
         packed: items.iter().filter(|item| item.outcome == Outcome::Packed).count(),
-        motion_check: log.check(&planner, &setup.empty_belief()),
+        motion_check: log.check(planner, &setup.empty_belief()),
         wall_s: started.elapsed().as_secs_f64(),
         sim_s: world.time(),
         items,
@@ -490,4 +488,40 @@ fn draw_look(
         depth: frame.depth.clone(),
         overlay: pictures::outlines(&frame.rgb, &believed),
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::cli::{Cli, Command};
+    use clap::Parser;
+    use grip_sim::render::{RendererChoice, open};
+
+    #[test]
+    fn an_object_that_is_not_believed_is_an_obstacle_where_it_stands() {
+        let Command::Pack(args) = Cli::parse_from(["grip", "pack", "--seed", "4"]).command else {
+            unreachable!()
+        };
+        let setup = Setup::load(&args.scene, &args.condition).unwrap();
+        let (world, _) = setup.drop_objects().unwrap();
+        let mut renderer = open(RendererChoice::Cpu).unwrap();
+        let (frame, _) = setup.capture(&world, renderer.as_mut(), 0).unwrap();
+        let planner = setup.planner(grip_manip::GraspAt::Best);
+        let seen_without = |left_out: Option<usize>| {
+            let out: Vec<usize> = (0..setup.models.len()).filter(|i| Some(*i) != left_out).collect();
+            let posteriors = truth::posteriors(&world, &frame, &out);
+            let ledgers = vec![Ledger::default(); setup.models.len()];
+            let (belief, _) = believe(&setup, &frame, &out, &posteriors, &ledgers);
+            planner.unexplained(&belief, &frame, world.joints())
+        };
+        assert_eq!(seen_without(None), [], "everything is known");
+        for i in 0..setup.models.len() {
+            let seen = seen_without(Some(i));
+            let name = &setup.models[i].info.name;
+            assert!(seen.len() > 8, "{name}: {}", seen.len());
+            let centre = world.truth(i).translation();
+            let reach = setup.models[i].diameter / 2.0 + 0.02;
+            assert!(seen.iter().all(|p| (p.coords - centre).norm() < reach), "{name}");
+        }
+    }
 }

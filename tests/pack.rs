@@ -126,6 +126,47 @@ fn with_true_poses_nearly_everything_is_packed() {
 }
 
 #[test]
+fn grasps_that_one_command_saves_the_other_uses_and_a_replay_shows_it() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name).to_str().unwrap().to_string();
+    let (sets, out) = (path("grasps"), path("run"));
+    let pack = ["pack", "--estimator", "truth", "--items", "1", "--seed", "3", "--record", "--out", &out];
+    let with_sets = [&pack[..], &["--grasps", &sets]].concat();
+    let missing = common::grip(&with_sets);
+    assert_eq!(code(&missing), 2);
+    assert!(stderr(&missing).contains("004_sugar_box.json"), "{}", stderr(&missing));
+    assert!(stderr(&missing).contains("grip grasps 004_sugar_box"), "{}", stderr(&missing));
+
+    let scene = grip_sim::scene::Scene::load(&root().join("scenes/grocery.toml")).unwrap();
+    let names: Vec<&str> = scene.objects.names.iter().map(String::as_str).collect();
+    let made = common::grip(&[&["grasps", "--json", "--out", &sets][..], &names].concat());
+    assert_eq!(code(&made), 0, "{}", stderr(&made));
+    let printed: Value = serde_json::from_str(&stdout(&made)).unwrap();
+    assert_eq!(printed[0]["schema"], "grip.grasps/1");
+    assert!(printed.as_array().unwrap().iter().all(|set| set["grasps"].as_array().unwrap().len() > 100));
+
+    let packed = common::grip(&with_sets);
+    assert_eq!(code(&packed), 0, "{}", stdout(&packed));
+    let result: Value =
+        serde_json::from_str(&std::fs::read_to_string(folder.path().join("run/result.json")).unwrap())
+            .unwrap();
+    let score = &result["score"];
+    assert_eq!((&score["attempts"], &score["lost_in_transit"]), (&1.into(), &0.into()), "{score}");
+    assert!((0.3..1.3).contains(&score["density"].as_f64().unwrap()), "{score}");
+    assert!(score["drift_m"].as_f64().unwrap() < 1e-3, "{score}");
+    let item = &result["items"][0];
+    let (blow, harmless) = (&item["peak_impulse_n_s"], &item["harmless_impulse_n_s"]);
+    assert!(blow.as_f64().unwrap() > 0.0 && blow.as_f64() < harmless.as_f64(), "{item}");
+    // Four pictures of the attempt in one row, and some fifteen seconds four times as fast.
+    let strip = image::open(folder.path().join("run/film.jpg")).unwrap();
+    assert_eq!((strip.width(), strip.height()), (4 * 400 + 3 * 6, 300));
+    let replay = std::fs::read(folder.path().join("run/replay.gif")).unwrap();
+    assert!(replay.starts_with(b"GIF89a") && replay.len() > 50_000 && replay.len() < 2_000_000);
+    let page = std::fs::read_to_string(folder.path().join("run/report.html")).unwrap();
+    assert!(page.contains("data:image/gif") && page.contains("004_sugar_box: before"));
+}
+
+#[test]
 fn scenes_of_the_project_are_valid() {
     let mut scenes = 0;
     for entry in std::fs::read_dir(root().join("scenes")).unwrap() {

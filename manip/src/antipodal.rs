@@ -13,6 +13,7 @@ use nalgebra::{
 };
 use rand::RngExt;
 use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
 
 use crate::surface::{Surface, SurfacePoint};
 
@@ -51,7 +52,7 @@ impl Default for AntipodalSettings {
 }
 
 /// A grasp of an object in free space.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct GraspCandidate {
     /// Where the gripper is; the pads touch at the same time when it closes here.
     pub object_from_gripper: Pose<Object, Gripper>,
@@ -258,36 +259,45 @@ fn held_about(
             let pose =
                 Isometry3::from_parts(Translation3::from(pair.center.coords - approach * depth), rotation);
             let opening = narrow_opening(pair.width, gripper);
-            let pad = &gripper.pad_half_extents;
-            let holds = |c: &PadContact| c.cone_angle <= cone && c.width <= settings.max_width;
-            let centred = |c: &PadContact| {
-                let mut pose = pose;
-                pose.translation.vector += rotation * Vector3::y() * c.center;
-                pose
-            };
-            let fits = |c: &PadContact| clear(hand_fits, &centred(c), narrow_opening(c.width, gripper));
-            // The dear look comes last.
-            let touched = pad_contact(surface, pad, &pose, opening, Look::Coarse)
-                .filter(|c| holds(c) && fits(c))
-                .and_then(|c| {
-                    let opening = narrow_opening(c.width, gripper).max(opening);
-                    pad_contact(surface, pad, &pose, opening, Look::Fine).filter(|c| holds(c) && fits(c))
-                });
-            if let Some(contact) = touched {
-                let pose = centred(&contact);
-                found.push(GraspCandidate {
-                    object_from_gripper: Pose::new(pose),
-                    width: contact.width,
-                    contact_share: contact.share,
-                    cone_angle: contact.cone_angle,
-                    contact_depth: contact.depth,
-                    contact_spread: contact.spread,
-                    fits_wide: clear(hand_fits, &pose, gripper.opening),
-                });
-            }
+            found.extend(grasp_at(&pose, opening, surface, gripper, settings, cone, hand_fits));
         }
     }
     found
+}
+
+/// The grasp of a gripper that closes at `pose` (object from gripper) from `opening`, moved along the closing axis so that
+/// both pads touch at the same time; none if it does not hold, or if the hand does not fit.
+pub fn grasp_at(
+    pose: &Isometry3<f64>,
+    opening: f64,
+    surface: &Surface,
+    gripper: &GripperConfig,
+    settings: &AntipodalSettings,
+    cone: f64,
+    hand_fits: &impl Fn(&Isometry3<f64>, f64) -> bool,
+) -> Option<GraspCandidate> {
+    let pad = &gripper.pad_half_extents;
+    let holds = |c: &PadContact| c.cone_angle <= cone && c.width <= settings.max_width;
+    let centred = |c: &PadContact| {
+        let mut pose = *pose;
+        pose.translation.vector += pose.rotation * Vector3::y() * c.center;
+        pose
+    };
+    let fits = |c: &PadContact| clear(hand_fits, &centred(c), narrow_opening(c.width, gripper));
+    // The dear look comes last.
+    let coarse = pad_contact(surface, pad, pose, opening, Look::Coarse).filter(|c| holds(c) && fits(c))?;
+    let opening = narrow_opening(coarse.width, gripper).max(opening);
+    let contact = pad_contact(surface, pad, pose, opening, Look::Fine).filter(|c| holds(c) && fits(c))?;
+    let pose = centred(&contact);
+    Some(GraspCandidate {
+        object_from_gripper: Pose::new(pose),
+        width: contact.width,
+        contact_share: contact.share,
+        cone_angle: contact.cone_angle,
+        contact_depth: contact.depth,
+        contact_spread: contact.spread,
+        fits_wide: clear(hand_fits, &pose, gripper.opening),
+    })
 }
 
 /// The opening for tight places: 12 mm of air on each side of the object.

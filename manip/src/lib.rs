@@ -9,6 +9,7 @@
 //! | [`ik`], [`cartesian`] | inverse kinematics with many seeds, straight motions of the gripper |
 //! | [`smooth`], [`timing`] | rounded corners and time-optimal timing within limits |
 //! | [`surface`], [`antipodal`], [`grasp`], [`expected`] | grasps of an object, their ranking in a scene and over a posterior |
+//! | [`grasp_set`] | grasps as files |
 //! | [`stable`], [`heightmap`], [`place`] | how an object can stand, and where to put it in the bin |
 //! | [`settings`], [`plan`], [`planner`], [`pick`] | the planner, and its plans as data |
 //! | [`executor`] | carries plans out through a robot port |
@@ -25,6 +26,7 @@ pub mod edge;
 pub mod executor;
 pub mod expected;
 pub mod grasp;
+pub mod grasp_set;
 pub mod heightmap;
 pub mod ik;
 pub mod moveit;

@@ -114,12 +114,7 @@ impl Attempt<'_> {
         let planner = self.planner;
         let settings = &planner.settings;
         let object = &self.belief.objects[self.target];
-        let known = planner.cache.get(
-            &object.model,
-            &planner.robot,
-            &planner.config.gripper,
-            &settings.grasp.antipodal,
-        );
+        let known = planner.grasps(&object.model);
         let (grasps, counters) = rank_grasps(
             &known,
             self.belief,

@@ -1,9 +1,11 @@
 //! The planner of one robot: free paths, timing, and what picking and placing share.
 
+use std::path::Path;
 use std::sync::Arc;
 use std::time::Instant;
 
 use grip_sim::frame::CameraFrame;
+use grip_sim::objects::ObjectModel;
 use grip_sim::robot::{RobotConfig, RobotModel};
 use nalgebra::{Point3, Vector3};
 use rand_chacha::ChaCha8Rng;
@@ -12,7 +14,8 @@ use crate::belief::BeliefScene;
 use crate::cartesian::{CartesianPath, glide, translate};
 use crate::collision::{CollisionChecker, Held, Margins, Query, RobotSolids};
 use crate::edge::EdgeCheck;
-use crate::grasp::GraspCache;
+use crate::grasp::{GraspCache, ObjectGrasps};
+use crate::grasp_set::{GraspSetError, read_poses};
 use crate::ik::IkSolver;
 use crate::plan::{PlanCounters, PlanFailure, PlanStage};
 use crate::rrt::{SearchStatus, Validity, rrt_connect, shortcut};
@@ -108,6 +111,31 @@ impl Planner {
         seed: u64,
     ) -> Result<Trajectory, PlanFailure> {
         self.free_path(q_now, q_home, belief, None, seed)
+    }
+
+    /// The grasps of `model`, made on first use.
+    pub fn grasps(&self, model: &Arc<ObjectModel>) -> Arc<ObjectGrasps> {
+        let settings = &self.settings.grasp.antipodal;
+        self.cache.get(model, &self.robot, &self.config.gripper, settings)
+    }
+
+    /// Grasps `model` as a file says ([`crate::grasp_set`]). Returns how many of its grasps hold the object, and of how many.
+    ///
+    /// # Errors
+    /// When the file cannot be used, or none of its grasps holds the object.
+    pub fn use_grasps(&self, model: &Arc<ObjectModel>, path: &Path) -> Result<[usize; 2], GraspSetError> {
+        let poses = read_poses(path, &model.info.name)?;
+        let settings = &self.settings.grasp.antipodal;
+        let held = self.cache.set(model, &self.robot, &self.config.gripper, settings, &poses);
+        if held == 0 {
+            let reason = format!(
+                "none of {} grasps holds the object: the frame is the gripper's, x out along the fingers, y along the closing \
+                 direction, metres",
+                poses.len()
+            );
+            return Err(GraspSetError { path: path.to_path_buf(), reason });
+        }
+        Ok([held, poses.len()])
     }
 
     /// What of a frame nothing in `belief` explains, the robot standing at `q` (all movable joints): see [`crate::seen`].

@@ -18,6 +18,7 @@
 //! Units are SI, angles radians, frames right-handed with z up in the world; see [`pose`] for the frames.
 
 pub mod bop;
+pub mod cache;
 pub mod camera;
 pub mod condition;
 pub mod convert;

@@ -5,6 +5,7 @@ mod detect;
 mod estimate;
 mod eval;
 mod explain;
+mod grasps;
 mod objects;
 mod pack;
 mod plan;
@@ -47,6 +48,7 @@ pub fn run(cli: Cli) -> anyhow::Result<Done> {
         Command::Eval(args) => eval::run(&args),
         Command::Explain(args) => explain::run(&args),
         Command::Convergence(args) => convergence::run(&args),
+        Command::Grasps(args) => grasps::run(&args),
         Command::Objects(args) => objects::run(&args),
         Command::Robot(args) => robot::run(&args),
     }

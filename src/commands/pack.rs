@@ -32,7 +32,7 @@ pub fn run(args: &PackArgs) -> Result<Done> {
     let most = setup.models.len();
     let items = args.items.unwrap_or(most);
     ensure!((1..=most).contains(&items), "--items {items}: the scene has {most} objects; give 1 to {most}");
-    let spec = Spec { estimator: args.estimator, grasp_at: args.grasp_at.into(), items, record: args.record };
+    let spec = Spec { estimator: args.estimator, items, record: args.record };
     setup::check_network_is_used(
         &args.network,
         uses_network(args),
@@ -51,9 +51,10 @@ pub fn run(args: &PackArgs) -> Result<Done> {
         Detector::None => Box::new(WholeImage),
     };
 
+    let planner = setup.planner_with_grasps(args.grasp_at.into(), args.grasps.as_deref())?;
     let mut renderer = render::open(args.scene.renderer.into())?;
     let progress = spinner();
-    let trial = trial::run(&setup, spec, detector.as_ref(), renderer.as_mut(), &progress);
+    let trial = trial::run(&setup, spec, &planner, detector.as_ref(), renderer.as_mut(), &progress);
     progress.finish_and_clear();
     let trial = trial?;
 
@@ -90,6 +91,9 @@ fn default_folder(args: &PackArgs, setup: &Setup) -> PathBuf {
     if args.grasp_at != GraspAt::Posterior {
         parts.push("grasp-at-best".into());
     }
+    if args.grasps.is_some() {
+        parts.push("grasps".into());
+    }
     if let Some(items) = args.items {
         parts.push(format!("items{items}"));
     }
@@ -119,6 +123,7 @@ fn save(run: &RunDir, setup: &Setup, args: &PackArgs, network: Option<String>, t
         "estimator": args.estimator.name(),
         "detector": args.detector.name(),
         "network": network,
+        "grasps": args.grasps,
         "grasp_at": format!("{:?}", args.grasp_at).to_lowercase(),
         "items": trial.result.requested,
         "object_set": setup.library.set().label(),

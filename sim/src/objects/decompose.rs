@@ -3,17 +3,20 @@
 //! A box or a cylinder where one fits the surface, else a V-HACD decomposition (Mamou, 2016; parry's), each hull by few
 //! points. Decompositions are kept on disk, since one takes up to some seconds.
 
-mod cache;
 mod hulls;
 mod primitive;
 
 use sha2::{Digest, Sha256};
 
 use crate::mesh::Mesh;
-use crate::shape::CollisionShape;
+use crate::shape::{CollisionShape, Convex};
+use crate::{cache, convert};
 
 /// Changes whenever the pieces of a mesh would come out differently: old cache files are then left alone.
 const VERSION: &str = "grip-decompose/1";
+
+/// The folder of the disk cache.
+const CACHE: &str = "collision";
 
 /// Convex pieces that together stand for the solid inside `mesh`, in its frame.
 ///
@@ -32,12 +35,29 @@ fn decompose_with(mesh: &Mesh, folder: Option<&std::path::Path>) -> Result<Vec<C
         return compute(mesh);
     };
     let key = key(mesh);
-    if let Some(shapes) = cache::read(folder, &key) {
+    let whole = |shapes: &Vec<CollisionShape>| !shapes.is_empty() && shapes.iter().all(is_sound);
+    if let Some(shapes) = cache::read(folder, CACHE, &key, whole) {
         return Ok(shapes);
     }
     let shapes = compute(mesh)?;
-    cache::write(folder, &key, &shapes);
+    cache::write(folder, CACHE, &key, &shapes);
     Ok(shapes)
+}
+
+/// Whether a piece from a file is one that could have been computed.
+fn is_sound(shape: &CollisionShape) -> bool {
+    let positive = |values: &[f64]| values.iter().all(|v| *v > 0.0 && *v < 10.0);
+    let dimensions = match &shape.geometry {
+        Convex::Cuboid { half } => positive(half.as_slice()),
+        Convex::Cylinder { half_height, radius } => positive(&[*half_height, *radius]),
+        Convex::Sphere { radius } => positive(&[*radius]),
+        Convex::Hull { points } => {
+            points.len() >= 4 && points.iter().flat_map(|p| p.iter()).all(|v| v.abs() < 10.0)
+        }
+    };
+    let unit = (shape.pose.rotation.norm() - 1.0).abs() < 1e-6;
+    let near = shape.pose.translation.vector.iter().all(|v| v.abs() < 10.0);
+    dimensions && unit && near && convert::solid(shape).is_some()
 }
 
 fn compute(mesh: &Mesh) -> Result<Vec<CollisionShape>, String> {
@@ -66,7 +86,6 @@ fn key(mesh: &Mesh) -> String {
 mod tests {
     use super::*;
     use crate::objects::collision_error;
-    use crate::shape::Convex;
     use nalgebra::{Point3, Vector3};
 
     /// The prism over a polygon that is a star as seen from `hub`, from `-half` to `half` along z.

@@ -14,7 +14,7 @@ use crate::error::{Error, Result};
 use crate::objects::ObjectModel;
 use crate::pose::{Object, Pose as FramePose, World as WorldFrame};
 use crate::robot::{RobotConfig, RobotModel};
-use crate::scene::Scene;
+use crate::scene::{FixtureKind, Scene};
 
 /// Physics steps a second, and control steps: measured as the coarsest step at which grasps hold without creep.
 pub const STEP_HZ: u32 = 240;
@@ -97,7 +97,7 @@ impl World {
         insert_fixed(&mut physics, floor, SharedShape::cuboid(10.0, 10.0, 0.5), 0.6, fixtures.len());
 
         let bin_parts =
-            (0..fixtures.len()).filter(|&i| fixtures[i].kind == crate::scene::FixtureKind::Bin).collect();
+            (0..fixtures.len()).filter(|&i| matches!(fixtures[i].kind, FixtureKind::Bin(_))).collect();
         let base = *scene.world_from_base().iso();
         let robot_body = RobotBody::insert(&mut physics, robot.clone(), config, base, q)?;
         Ok(Self {

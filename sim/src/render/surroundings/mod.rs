@@ -106,7 +106,8 @@ struct Parts {
     table: Look,
     legs: Look,
     stand: Look,
-    bin: Look,
+    /// Carton, crate, tote and bag, in the order of [`BinKind`].
+    bins: [Look; 4],
     floor: Look,
     wall: Look,
     /// Where the wall's face stands, metres along x.
@@ -120,7 +121,7 @@ fn assemble(fixtures: &[Fixture], parts: &Parts) -> Furniture {
         let Convex::Cuboid { half } = &fixture.shape.geometry else { continue };
         let look = match fixture.kind {
             FixtureKind::TableTop => &parts.table,
-            FixtureKind::Bin => &parts.bin,
+            FixtureKind::Bin(kind) => &parts.bins[kind as usize],
             FixtureKind::TableLeg => &parts.legs,
             FixtureKind::Stand => &parts.stand,
         };
@@ -142,7 +143,12 @@ fn laboratory(fixtures: &[Fixture], seed: u64) -> Furniture {
         table: Look::textured(textures::wood(seed as u32), WOOD_M, 0.55),
         legs: steel.clone(),
         stand: steel,
-        bin: Look::textured(textures::cardboard(), CARDBOARD_M, 0.9),
+        bins: [
+            Look::textured(textures::cardboard(), CARDBOARD_M, 0.9),
+            Look::textured(textures::wood(seed as u32 ^ 1), WOOD_M, 0.8),
+            Look::plain([0.06, 0.14, 0.34], 0.35),
+            Look::plain([0.46, 0.32, 0.19], 0.95),
+        ],
         floor: Look::textured(textures::floor(seed as u32), FLOOR_M, 0.6),
         wall: Look::textured(textures::wall(), WALL_M, 0.95),
         wall_x: ROOM_X + ROOM_M,

@@ -3,6 +3,7 @@
 use std::collections::HashSet;
 
 use super::*;
+use crate::scene::BinKind;
 use crate::shape::CollisionShape;
 
 fn fixtures() -> Vec<Fixture> {
@@ -17,7 +18,7 @@ fn fixtures() -> Vec<Fixture> {
     vec![
         block(FixtureKind::TableTop, [0.64, -0.05, 0.63], [0.3, 0.6, 0.02]),
         block(FixtureKind::TableLeg, [0.4, -0.5, 0.3], [0.03, 0.03, 0.3]),
-        block(FixtureKind::Bin, [0.52, -0.42, 0.66], [0.15, 0.2, 0.01]),
+        block(FixtureKind::Bin(BinKind::Carton), [0.52, -0.42, 0.66], [0.15, 0.2, 0.01]),
     ]
 }
 

@@ -48,12 +48,13 @@ pub(super) fn furniture(fixtures: &[Fixture], seed: u64) -> Furniture {
     };
     let cell = Cell::of(fixtures);
     let wall_x = cell.high[0] + rng::stream(seed, "surroundings/room").random_range(0.9..3.6);
+    let bin = part("bin", BIN, 0.5..1.5);
     let parts = Parts {
         // A table seen from 1 m away shows the texels of larger repeats.
         table: part("table", TABLE, 0.5..1.3),
         legs: part("legs", LEGS, 0.5..1.5),
         stand: part("stand", STAND, 0.5..1.5),
-        bin: part("bin", BIN, 0.5..1.5),
+        bins: std::array::from_fn(|_| bin.clone()),
         floor: part("floor", FLOOR, 0.6..1.8),
         wall: part("wall", WALL, 0.6..1.8),
         wall_x,

@@ -1,0 +1,66 @@
+//! `grip grasps`: the grasps of objects by the robot's gripper, as files.
+
+use std::sync::Arc;
+use std::time::Instant;
+
+use anyhow::{Context, Result};
+use grip_manip::grasp_set::{GraspSet, file_name};
+use grip_manip::{Planner, PlannerSettings};
+use grip_sim::robot::RobotConfig;
+
+use super::Done;
+use crate::cli::GraspsArgs;
+use crate::run_dir::RunDir;
+use crate::{assets, output, setup};
+
+/// Finds the grasps, saves a file an object where `--out` says, prints how many there are.
+pub fn run(args: &GraspsArgs) -> Result<Done> {
+    let folder = args.out.as_deref().map(RunDir::begin).transpose()?;
+    let library = setup::library(args.ycb.clone())?;
+    let names: Vec<String> = match args.objects.as_slice() {
+        [] => library.names().map(str::to_string).collect(),
+        given => given.to_vec(),
+    };
+    let (urdf, robot) = args.robot.load()?;
+    let robot = Arc::new(robot);
+    let config = Arc::new(RobotConfig::load(&assets::find("robots/fetch/fetch.toml")?, &robot)?);
+    let name = robot.name().to_string();
+    let planner = Planner::new(robot, config, PlannerSettings::default());
+    let mut sets = Vec::new();
+    let mut rows = Vec::new();
+    for object in &names {
+        let model = library.load(object)?;
+        let clock = Instant::now();
+        let grasps = planner.grasps(&model);
+        let seconds = clock.elapsed().as_secs_f64();
+        let widths = grasps.candidates.iter().map(|g| 1e3 * g.width);
+        let (narrow, wide) = widths.fold((f64::INFINITY, 0.0_f64), |(a, b), w| (a.min(w), b.max(w)));
+        let range = if grasps.candidates.is_empty() {
+            "no grasp: too wide or too thin for the gripper".to_string()
+        } else {
+            format!("{narrow:.0} to {wide:.0}")
+        };
+        rows.push([object.clone(), grasps.candidates.len().to_string(), range, format!("{seconds:.2}")]);
+        let set = GraspSet::new(&model, library.set().label(), &name, &grasps.candidates);
+        if let Some(folder) = &folder {
+            folder.write(&file_name(object), serde_json::to_string_pretty(&set)?)?;
+        }
+        sets.push(set);
+    }
+    if let Some(folder) = folder {
+        let folder = folder.finish().context("--out")?;
+        output::message(format_args!("grasps: {}", folder.display()));
+    }
+    if args.json {
+        output::data(format_args!("{}", serde_json::to_string_pretty(&sets)?))?;
+        return Ok(Done::Fully);
+    }
+    let table = output::table(["object", "grasps", "width mm", "seconds"], &[1, 3], rows);
+    output::data(format_args!("{table}"))?;
+    output::data(format_args!(
+        "\nrobot: {name} ({}), object set: {}",
+        urdf.display(),
+        library.set().label()
+    ))?;
+    Ok(Done::Fully)
+}
