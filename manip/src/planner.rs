@@ -43,7 +43,7 @@ const WAY_OUT_STEP: f64 = 0.02;
 const THIN: usize = 3;
 
 impl Planner {
-    /// Prepares a planner (some 20 ms).
+    /// Prepares a planner; covering the robot with balls takes some 20 ms of it.
     pub fn new(model: Arc<RobotModel>, config: Arc<RobotConfig>, settings: PlannerSettings) -> Self {
         let robot = Arc::new(RobotSolids::new(model, &config));
         Self {
