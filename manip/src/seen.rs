@@ -24,7 +24,7 @@ pub struct SeenSettings {
     pub cell: f64,
     /// Readings that a cell needs: single ones at the edges of objects are mixtures of what is before and behind. Default 6.
     pub readings: usize,
-    /// How far from the base and how high above the table anything is looked at, metres. Default 1.3 and 0.5.
+    /// How far from the base, seen from above, and how high above the table anything is looked at, metres. Default 1.3 and 0.5.
     pub reach: [f64; 2],
 }
 
@@ -52,7 +52,7 @@ pub fn unexplained(
             continue;
         }
         let in_base = base_from_world.transform_point(&point);
-        if in_base.coords.norm() > settings.reach[0] + belief.table_height || explained(&in_base) {
+        if in_base.coords.xy().norm() > settings.reach[0] || explained(&in_base) {
             continue;
         }
         let cell = [0, 1, 2].map(|axis| (point[axis] / settings.cell).floor() as i32);

@@ -537,14 +537,14 @@ impl Bin {
 
     /// Lower and upper edge of each board of a wall above the floor, metres: one, or a crate's slats.
     fn boards(&self) -> Vec<[f64; 2]> {
-        if self.kind != BinKind::Crate {
+        let [slat, gap] = SLAT;
+        let n = ((self.wall_height + gap) / (slat + gap)).round();
+        if self.kind != BinKind::Crate || n < 2.0 {
             return vec![[0.0, self.wall_height]];
         }
         // The first slat stands on the floor, the last one ends at the edge; as many as fit, spread evenly.
-        let [slat, gap] = SLAT;
-        let n = ((self.wall_height + gap) / (slat + gap)).round().max(1.0);
         let slat = slat.min(self.wall_height / n);
-        let step = if n > 1.0 { (self.wall_height - slat) / (n - 1.0) } else { 0.0 };
+        let step = (self.wall_height - slat) / (n - 1.0);
         (0..n as usize).map(|k| [k as f64 * step, k as f64 * step + slat]).collect()
     }
 

@@ -11,7 +11,7 @@ use super::robot::LinkSolids;
 use super::solid::{Piece, distance_from_point};
 
 /// Each point stands for a ball of this radius, metres: together they close the gaps of a grid of a centimetre.
-pub const POINT_RADIUS: f64 = 0.006;
+const POINT_RADIUS: f64 = 0.006;
 /// Largest ball that the tree is made for, metres; larger ones are left to the exact check.
 const WIDEST: f32 = 0.15;
 
@@ -19,7 +19,8 @@ const WIDEST: f32 = 0.15;
 #[derive(Debug)]
 pub(crate) struct Cloud {
     points: Vec<Vector>,
-    tree: Capt<3, f32, u32>,
+    /// None where there are more points than it can hold: then all is left to the exact check.
+    tree: Option<Capt<3, f32, u32>>,
     /// Box about the points.
     center: Vector,
     half: Vector,
@@ -39,16 +40,17 @@ impl Cloud {
             low = low.min(*p);
             high = high.max(*p);
         }
-        let tree = Capt::try_with_point_radius(&arrays, (0.0, WIDEST), POINT_RADIUS as f32, 1).ok()?;
+        let tree = Capt::try_with_point_radius(&arrays, (0.0, WIDEST), POINT_RADIUS as f32, 1).ok();
         Some(Self { points, tree, center: (low + high) * 0.5, half: (high - low) * 0.5 })
     }
 
-    /// Whether a ball may come closer than `margin` to a point.
+    /// Whether a ball may meet a point's; false only when it certainly does not.
     #[inline]
     pub fn may_meet_ball(&self, center: Vector, radius: f32) -> bool {
         let apart = ((center - self.center).abs() - self.half).max(Vector::ZERO).length();
         apart <= radius + POINT_RADIUS as f32
-            && (radius > WIDEST || self.tree.collides(&center.to_array(), radius))
+            && (radius > WIDEST
+                || self.tree.as_ref().is_none_or(|tree| tree.collides(&center.to_array(), radius)))
     }
 
     /// Whether solids at `pose` are closer than `margin` to a point.

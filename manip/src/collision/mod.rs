@@ -18,7 +18,6 @@ use nalgebra::Isometry3;
 use parry3d::math::{Pose, Vector};
 
 use cloud::Cloud;
-pub use cloud::POINT_RADIUS;
 pub use cover::Ball;
 use robot::LinkSolids;
 pub use robot::{CoverSummary, RobotSolids};
