@@ -1,8 +1,13 @@
 //! The command line, as data. What it does stands in `commands`.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
+use std::str::FromStr;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
+
+use crate::experiment::plan::Shard;
+use crate::experiment::sweep::Strategy;
+use crate::experiment::sweep::errors::Axis;
 
 /// Grocery packing in simulation: GRIP estimates poses, a Fetch packs, physics decides, every grasp is scored.
 #[derive(Debug, Parser)]
@@ -21,6 +26,12 @@ pub struct Cli {
 pub enum Command {
     /// Pack the scene's objects into the bin and score every grasp.
     Pack(PackArgs),
+    /// Run many trials: scenes, conditions and estimators with the same seeds; can be killed, resumed and split.
+    Trials(TrialsArgs),
+    /// Put the shards of an experiment together.
+    Merge(MergeArgs),
+    /// Try grasps under known pose errors: what error does a grasp forgive?
+    Sweep(SweepArgs),
     /// Solve motion planning problems of MotionBenchMaker (MoveIt's YAML) and check the solutions.
     Plan(PlanArgs),
     /// Draw what the head camera sees of a scene.
@@ -76,8 +87,9 @@ pub struct PackArgs {
     /// Condition by name, from the folder `conditions` beside the scene file, or a path to a .toml file.
     #[arg(long, default_value = "base")]
     pub condition: String,
-    /// Who estimates poses; `truth` reads them from the simulator, for ceilings, and is marked in every output.
-    #[arg(long, value_enum, default_value_t = Estimator::Grip)]
+    /// Who estimates poses: `grip`; `csv:FILE`, a results file in BOP's format with the seed as scene_id and the look as im_id;
+    /// or `truth`, which reads them from the simulator, for ceilings, and is marked in every output.
+    #[arg(long, value_name = "grip|csv:FILE|truth", default_value = "grip")]
     pub estimator: Estimator,
     /// Who proposes boxes.
     #[arg(long, value_enum, default_value_t = Detector::Pyramid)]
@@ -109,6 +121,144 @@ pub struct PackArgs {
     /// Print the result as one JSON object on stdout.
     #[arg(long)]
     pub json: bool,
+}
+
+/// `grip trials`.
+#[derive(Debug, Args)]
+pub struct TrialsArgs {
+    /// Trials of each scene, condition and estimator: one a seed, from --seed on.
+    #[arg(long, value_name = "N", default_value_t = 10, value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
+    pub trials: u32,
+    /// The first seed.
+    #[arg(long, value_name = "S", default_value_t = 1)]
+    pub seed: u64,
+    /// Scene files [default: scenes/grocery.toml].
+    #[arg(long, value_name = "FILE", num_args = 1..)]
+    pub scene: Vec<PathBuf>,
+    /// Conditions, by name or file, separated by commas.
+    #[arg(long, value_name = "LIST", value_delimiter = ',', default_value = "base")]
+    pub conditions: Vec<String>,
+    /// Estimators, separated by commas: grip, truth, csv:FILE.
+    #[arg(long, value_name = "LIST", value_delimiter = ',', default_value = "grip")]
+    pub estimators: Vec<Estimator>,
+    /// Who proposes boxes.
+    #[arg(long, value_enum, default_value_t = Detector::Pyramid)]
+    pub detector: Detector,
+    #[command(flatten)]
+    pub network: DetectorArgs,
+    /// Whether grasps are scored at the best pose alone or over the posterior.
+    #[arg(long, value_enum, default_value_t = GraspAt::Posterior)]
+    pub grasp_at: GraspAt,
+    /// Folder of grasps to use instead of those that are found.
+    #[arg(long, value_name = "DIR")]
+    pub grasps: Option<PathBuf>,
+    /// Who draws: `auto` takes wgpu where a graphics adapter exists, else the CPU.
+    #[arg(long, value_enum, default_value_t = Renderer::Auto)]
+    pub renderer: Renderer,
+    /// Folder of scanned objects [env: GRIP_YCB_DIR].
+    #[arg(long, value_name = "DIR")]
+    pub ycb: Option<PathBuf>,
+    #[command(flatten)]
+    pub robot: RobotFile,
+    /// Folder of the experiment.
+    #[arg(long, value_name = "DIR", default_value = "runs/trials")]
+    pub out: PathBuf,
+    /// Trials run at the same time [default: one a core]; results do not depend on it.
+    #[arg(long, value_name = "J", value_parser = clap::value_parser!(u32).range(1..=256))]
+    pub jobs: Option<u32>,
+    /// Go on with the experiment in the folder.
+    #[arg(long)]
+    pub resume: bool,
+    /// Run only every N-th trial, beginning with the I-th; `grip merge` puts the shards together.
+    #[arg(long, value_name = "I/N")]
+    pub shard: Option<Shard>,
+    /// Print the figures as one JSON object on stdout.
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// `grip merge`.
+#[derive(Debug, Args)]
+pub struct MergeArgs {
+    /// Folders of an experiment's shards.
+    #[arg(value_name = "DIR", required = true)]
+    pub folders: Vec<PathBuf>,
+    /// Folder of the whole experiment.
+    #[arg(long, value_name = "DIR")]
+    pub out: PathBuf,
+    /// Print the figures as one JSON object on stdout.
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// `grip sweep`.
+#[derive(Debug, Args)]
+pub struct SweepArgs {
+    /// Objects by name [default: soup can, meat can, cracker box, mustard, banana, marker].
+    #[arg(value_name = "OBJECT")]
+    pub objects: Vec<String>,
+    /// Directions of the gripper's frame: x approach, y closing, z sideways, and turns about them.
+    #[arg(
+        long,
+        value_enum,
+        value_name = "LIST",
+        value_delimiter = ',',
+        default_value = "x,y,z,roll,pitch,yaw"
+    )]
+    pub axes: Vec<Axis>,
+    /// Largest error in each direction: millimetres and degrees.
+    #[arg(long, value_name = "MM,DEG", value_delimiter = ',', num_args = 1, default_value = "40,45")]
+    pub range: Vec<f64>,
+    /// Errors: along one axis after the other, evenly from end to end, or at random in all six.
+    #[arg(long, value_enum, default_value_t = Mode::Axis)]
+    pub mode: Mode,
+    /// Errors along each axis, or random errors a layout [default: 9, or 20].
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(2..=10_000))]
+    pub samples: Option<u32>,
+    /// Layouts of each object, one a seed: where it stands or lies, and so which grasp is chosen.
+    #[arg(long, value_name = "N", default_value_t = 50, value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
+    pub seeds: u32,
+    /// The first seed.
+    #[arg(long, value_name = "S", default_value_t = 1)]
+    pub seed: u64,
+    /// Which grasp is tried: `planned`, the planner's choice at each layout, or `fixed`, one for each object.
+    #[arg(long, value_enum, default_value_t = Strategy::Planned)]
+    pub grasp: Strategy,
+    /// Coulomb friction of the objects in place of their own.
+    #[arg(long, value_name = "MU")]
+    pub friction: Option<f64>,
+    /// Force of each finger, newtons, in place of what weight and friction need.
+    #[arg(long, value_name = "N")]
+    pub force: Option<f64>,
+    /// Scene whose table, region and robot are used [default: scenes/grocery.toml].
+    #[arg(long, value_name = "FILE")]
+    pub scene: Option<PathBuf>,
+    /// Folder of scanned objects [env: GRIP_YCB_DIR].
+    #[arg(long, value_name = "DIR")]
+    pub ycb: Option<PathBuf>,
+    #[command(flatten)]
+    pub robot: RobotFile,
+    /// Folder of the sweep.
+    #[arg(long, value_name = "DIR", default_value = "runs/sweep")]
+    pub out: PathBuf,
+    /// Grasps tried at the same time [default: one a core]; results do not depend on it.
+    #[arg(long, value_name = "J", value_parser = clap::value_parser!(u32).range(1..=256))]
+    pub jobs: Option<u32>,
+    /// Go on with the sweep in the folder.
+    #[arg(long)]
+    pub resume: bool,
+    /// Print the figures as one JSON object on stdout.
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// How errors are chosen.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum Mode {
+    /// One axis after the other.
+    Axis,
+    /// At random.
+    Isotropic,
 }
 
 /// Poses at which grasps are scored.
@@ -539,12 +689,27 @@ impl From<Hypotheses> for grip_perception::HypothesisRendererChoice {
 }
 
 /// Who estimates poses.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+#[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Estimator {
-    /// GRIP's second stage.
+    /// GRIP.
     Grip,
     /// The simulator's own poses: a ceiling, not a result.
     Truth,
+    /// A results file in BOP's format.
+    Csv(PathBuf),
+}
+
+impl FromStr for Estimator {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        match (text, text.strip_prefix("csv:")) {
+            ("grip", _) => Ok(Self::Grip),
+            ("truth", _) => Ok(Self::Truth),
+            (_, Some(file)) if Path::new(file).file_stem().is_some() => Ok(Self::Csv(file.into())),
+            _ => Err("give grip, truth, or csv: and a results file".into()),
+        }
+    }
 }
 
 /// Who proposes boxes.
@@ -559,11 +724,14 @@ pub enum Detector {
 }
 
 impl Estimator {
-    /// As on the command line and in outputs.
-    pub fn name(self) -> &'static str {
+    /// As in outputs: of a file its name without the ending, behind `csv-`.
+    pub fn name(&self) -> String {
         match self {
-            Self::Grip => "grip",
-            Self::Truth => "truth",
+            Self::Grip => "grip".into(),
+            Self::Truth => "truth".into(),
+            Self::Csv(path) => {
+                format!("csv-{}", path.file_stem().unwrap_or(path.as_os_str()).to_string_lossy())
+            }
         }
     }
 }

@@ -109,8 +109,6 @@ pub fn finish(setup: &Setup, world: &World, ledgers: &mut [Ledger], items: usize
                 attempts: ledger.attempts,
                 add_m: ledger.add_m,
                 adds_m: ledger.adds_m,
-                estimate_s: ledger.estimate_s,
-                plan_s: ledger.plan_s,
                 slip_m: ledger.slip_m,
                 peak_force_n: ledger.peak_force_n,
                 peak_impulse_n_s: ledger.peak_impulse_n_s,

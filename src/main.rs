@@ -1,28 +1,30 @@
 //! `grip`: grocery packing in simulation, end to end, without a screen.
 //!
-//! Exit codes: 0 done, 1 the trial did not pack everything, 2 could not run.
+//! Exit codes: 0 done, 1 the trial did not pack everything or touched what it must not, 2 could not run.
 
 mod assets;
 mod benchmark;
 mod cli;
 mod commands;
 mod dataset;
+mod experiment;
 mod explain;
 mod film;
 mod ledger;
 mod motion_check;
 mod outcome;
 mod output;
+mod perceive;
 mod pictures;
 mod plot;
 mod port;
 mod report;
 mod run_dir;
+mod scenario;
 mod score;
 mod scorecard;
 mod setup;
 mod trial;
-mod truth;
 
 use std::process::ExitCode;
 

@@ -3,7 +3,7 @@
 use grip_manip::collision::{CollisionChecker, Margins, Query};
 use grip_manip::{BeliefScene, Planner};
 use rayon::prelude::*;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 /// Where the joints were at each control period of a trial's motions.
 #[derive(Debug, Default)]
@@ -13,7 +13,7 @@ pub struct JointLog {
 }
 
 /// What the check of a trial's motions found.
-#[derive(Debug, Clone, Default, PartialEq, Serialize)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct MotionCheck {
     /// Configurations looked at, at most 1 ms apart.
     pub checked: usize,
@@ -22,7 +22,7 @@ pub struct MotionCheck {
 }
 
 /// Two bodies that met.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct MotionCollision {
     /// Simulated seconds since the trial's beginning.
     pub time_s: f64,

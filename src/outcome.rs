@@ -1,15 +1,15 @@
 //! What a trial produced, as plain data: the schema of result.json and of `--json`.
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use crate::motion_check::MotionCheck;
 use crate::scorecard::ScoreCard;
 
 /// Version of the trial result; changes with every change that could break a reader.
-pub const TRIAL_SCHEMA: &str = "grip.trial/1";
+pub const TRIAL_SCHEMA: &str = "grip.trial/2";
 
 /// What became of an item. Everything but [`Outcome::Packed`] is a failure.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Outcome {
     /// Grasped, lifted, carried and at rest inside the bin at the end, with nothing knocked out on the way.
@@ -51,7 +51,7 @@ pub enum Outcome {
 }
 
 /// The stage that an item reached.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Stage {
     /// Looking and estimating.
@@ -73,7 +73,7 @@ pub enum Stage {
 }
 
 /// The clauses of a success, each with what was measured. All must hold.
-#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub struct Clauses {
     /// Both fingers pressed with opposing normals (dot product at most -0.3) and at least 1 N each, for 25 ms before the
     /// lift began.
@@ -123,7 +123,7 @@ impl Clauses {
 }
 
 /// What the clauses were judged by, in their order. Nothing here decides anything.
-#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub struct Measures {
     /// Force of the finger that pressed less when the lift began, newtons.
     pub pinch_n: f64,
@@ -148,7 +148,7 @@ pub struct Measures {
 }
 
 /// One item of a trial.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct ItemResult {
     /// YCB name.
     pub object: String,
@@ -164,10 +164,6 @@ pub struct ItemResult {
     pub add_m: Option<f64>,
     /// The same to the nearest point, for objects whose turned copies look the same, metres.
     pub adds_m: Option<f64>,
-    /// Wall seconds of estimation for this object, all looks.
-    pub estimate_s: f64,
-    /// Wall seconds of planning, all attempts.
-    pub plan_s: f64,
     /// How far the object moved in the hand between grasp and release, metres.
     pub slip_m: Option<f64>,
     /// Largest normal force by any one body on the object during its attempts, newtons.
@@ -187,7 +183,7 @@ pub struct ItemResult {
 }
 
 /// An attempt that did not end with the item released in the bin.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct FailedAttempt {
     /// What the robot noticed.
     pub outcome: Outcome,
@@ -198,10 +194,13 @@ pub struct FailedAttempt {
 }
 
 /// A whole trial.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct TrialResult {
     /// [`TRIAL_SCHEMA`].
-    pub schema: &'static str,
+    pub schema: String,
+    /// SHA-256 of all that the trial depends on, seed and all ([`crate::scenario::Scenario::hash`]): trials with the same
+    /// one have the same result.
+    pub scenario: String,
     /// The seed of everything random.
     pub seed: u64,
     /// The scene's name.
@@ -209,21 +208,19 @@ pub struct TrialResult {
     /// The condition's name.
     pub condition: String,
     /// `grip`, or `truth` for a ceiling that is no result.
-    pub estimator: &'static str,
-    /// `clusters` or `none`.
-    pub detector: &'static str,
+    pub estimator: String,
+    /// `pyramid`, `clusters` or `none`.
+    pub detector: String,
     /// `built-in`, `ycb` or `bop`.
-    pub object_set: &'static str,
+    pub object_set: String,
     /// `wgpu` or `cpu`.
-    pub renderer: &'static str,
+    pub renderer: String,
     /// Who rendered pose hypotheses: `cpu` or `gpu`.
-    pub hypotheses: &'static str,
+    pub hypotheses: String,
     /// Items asked for.
     pub requested: usize,
     /// Items packed.
     pub packed: usize,
-    /// Wall seconds of the whole trial.
-    pub wall_s: f64,
     /// Simulated seconds.
     pub sim_s: f64,
     /// What the trial was like beside what was packed.
@@ -234,6 +231,27 @@ pub struct TrialResult {
     pub items: Vec<ItemResult>,
     /// SHA-256 of the final state of the physics world.
     pub state_hash: String,
+    /// How long it took: all that differs from run to run. None in an experiment's records, which keep it apart.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub timing: Option<Timing>,
+}
+
+/// Wall times of a trial, seconds.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Timing {
+    /// The whole trial.
+    pub wall_s: f64,
+    /// Item by item, as in [`TrialResult::items`].
+    pub items: Vec<ItemTiming>,
+}
+
+/// Wall times of an item, seconds.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct ItemTiming {
+    /// Estimation of its pose, all looks.
+    pub estimate_s: f64,
+    /// Planning, all attempts.
+    pub plan_s: f64,
 }
 
 impl Outcome {

@@ -7,7 +7,7 @@ use base64::Engine as _;
 use anyhow::Result;
 use grip_sim::images::{DepthImage, RgbImage};
 
-use crate::outcome::{ItemResult, Outcome};
+use crate::outcome::{ItemResult, ItemTiming, Outcome};
 use crate::pictures;
 use crate::trial::Trial;
 
@@ -36,8 +36,9 @@ figcaption{font-size:.85em;color:#57606a}.key{display:inline-block;width:.8em;he
 ///
 /// # Errors
 /// When a picture cannot be encoded.
-pub fn html(trial: &Trial, before: &RgbImage) -> Result<String> {
-    let Trial { result, looks, after, strips, replay } = trial;
+pub fn html(trial: &Trial) -> Result<String> {
+    let Trial { result, scenario: _, looks, after, strips, replay } = trial;
+    let (wall_s, times) = result.timing.as_ref().map_or((0.0, [].as_slice()), |t| (t.wall_s, &t.items));
     let mut page = String::new();
     let title = format!("{} of {} packed", result.packed, result.requested);
     // Writing to a String cannot fail.
@@ -63,11 +64,11 @@ pub fn html(trial: &Trial, before: &RgbImage) -> Result<String> {
         result.renderer,
         result.hypotheses,
         result.sim_s,
-        result.wall_s,
+        wall_s,
         &result.state_hash[..16.min(result.state_hash.len())]
     );
     page.push_str("<h2>Items</h2>");
-    items_table(&mut page, &result.items);
+    items_table(&mut page, &result.items, times);
     let _ = write!(page, "<p>{}.</p>", escape(&result.score.to_string()));
     for item in result.items.iter().filter(|item| !item.failed_attempts.is_empty()) {
         let reasons: Vec<_> = item.failed_attempts.iter().map(|f| f.reason.as_str()).collect();
@@ -78,10 +79,12 @@ pub fn html(trial: &Trial, before: &RgbImage) -> Result<String> {
             escape(&reasons.join("; "))
         );
     }
-    page.push_str("<h2>Before and after</h2><div class=look>");
-    figure(&mut page, before, "the scene at the start")?;
-    figure(&mut page, after, "the scene at the end")?;
-    page.push_str("</div>");
+    if let (Some(first), Some(after)) = (looks.first(), after) {
+        page.push_str("<h2>Before and after</h2><div class=look>");
+        figure(&mut page, &first.rgb, "the scene at the start")?;
+        figure(&mut page, after, "the scene at the end")?;
+        page.push_str("</div>");
+    }
     if let Some(gif) = replay {
         page.push_str("<h2>Replay</h2><div class=look>");
         picture(&mut page, "image/gif", gif, "four times as fast");
@@ -110,12 +113,13 @@ pub fn html(trial: &Trial, before: &RgbImage) -> Result<String> {
     Ok(page)
 }
 
-fn items_table(page: &mut String, items: &[ItemResult]) {
+fn items_table(page: &mut String, items: &[ItemResult], times: &[ItemTiming]) {
     page.push_str(
         "<table><tr><th>object<th>outcome<th>stage<th>why<th class=n>tries<th class=n>ADD mm<th class=n>ADD-S mm\
          <th class=n>slip mm<th class=n>peak N<th class=n>estimate s<th class=n>plan s<th>clauses that failed</tr>",
     );
     for (i, item) in items.iter().enumerate() {
+        let time = times.get(i).copied().unwrap_or(ItemTiming { estimate_s: 0.0, plan_s: 0.0 });
         let class = if item.outcome == Outcome::Packed { "ok" } else { "bad" };
         let [r, g, b] = pictures::color(i as u16 + 1);
         let mm = |metres: Option<f64>| metres.map_or("–".to_string(), |m| format!("{:.1}", m * 1e3));
@@ -132,8 +136,8 @@ fn items_table(page: &mut String, items: &[ItemResult]) {
             mm(item.adds_m),
             mm(item.slip_m),
             item.peak_force_n,
-            item.estimate_s,
-            item.plan_s,
+            time.estimate_s,
+            time.plan_s,
             failed_clauses(item)
         );
     }

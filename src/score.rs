@@ -131,8 +131,8 @@ pub fn pose_errors(
     (metrics::add(&points, truth, estimate), metrics::adds(&points, truth, estimate))
 }
 
-/// Vertices of the model, thinned to at most a thousand, evenly over the list.
-fn model_points(model: &ObjectModel) -> Vec<Point3<f64>> {
+/// Vertices of the model, thinned to at most a thousand, evenly over the list; metres, its own frame.
+pub fn model_points(model: &ObjectModel) -> Vec<Point3<f64>> {
     const MOST: usize = 1000;
     let vertices = &model.visual.mesh.positions;
     let step = vertices.len().div_ceil(MOST).max(1);

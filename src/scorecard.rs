@@ -6,7 +6,7 @@ use std::fmt;
 use grip_manip::place::bin_map;
 use grip_manip::{BeliefScene, BelievedObject};
 use grip_sim::physics::World;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use crate::ledger::Ledger;
 use crate::outcome::{ItemResult, Outcome};
@@ -20,7 +20,7 @@ const RESTING_N: f64 = 0.2;
 const CELL_M: f64 = 0.005;
 
 /// What a trial was like. Nothing here decides whether an item was packed; that is what [`crate::outcome::Clauses`] are for.
-#[derive(Debug, Clone, PartialEq, Default, Serialize)]
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct ScoreCard {
     /// Attempts at all items.
     pub attempts: u32,
@@ -45,7 +45,7 @@ pub struct ScoreCard {
 }
 
 /// Something heavy on something that breaks.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct BadPack {
     /// What rests.
     pub above: String,

@@ -7,8 +7,8 @@ use anyhow::{Context, Result};
 use grip_manip::grasp_set::file_name;
 use grip_manip::{BeliefScene, BinGeometry, GraspAt, Planner, PlannerSettings};
 use grip_perception::{
-    ClusterSettings, Clusters, Detection, Detections, GripEstimator, GripSettings, HypothesisRenderer,
-    Providers, PyramidCnn, Workspace,
+    ClusterSettings, Clusters, Detection, Detections, Detector, GripEstimator, GripSettings,
+    HypothesisRenderer, Providers, PyramidCnn, WholeImage, Workspace,
 };
 use grip_sim::camera::Intrinsics;
 use grip_sim::condition::{Condition, ConditionSpec};
@@ -26,15 +26,16 @@ use rand::RngExt;
 use rayon::prelude::*;
 
 use crate::assets;
-use crate::cli::{DetectorArgs, RobotFile, SceneArgs};
+use crate::cli::{self, DetectorArgs, RobotFile, SceneArgs};
 
 /// A resolved scene: nothing in it depends on the command line or the file system any more.
+#[derive(Clone)]
 pub struct Setup {
     pub scene: Scene,
     pub condition: Condition,
     pub robot: Arc<RobotModel>,
     pub config: Arc<RobotConfig>,
-    pub library: ObjectLibrary,
+    pub library: Arc<ObjectLibrary>,
     /// The scene's objects, in its order.
     pub models: Vec<Arc<ObjectModel>>,
     pub intrinsics: Intrinsics,
@@ -65,11 +66,28 @@ impl Setup {
     /// Reads all files that `args` names, and draws the run's objects and light from the seed.
     pub fn load(args: &SceneArgs, condition: &str) -> Result<Self> {
         let mut setup = Self::open(args, "scenes/grocery.toml", condition)?;
-        let drawn = setup.scene.objects.draw(setup.seed);
-        setup.models = drawn.iter().map(|&i| setup.models[i].clone()).collect();
-        setup.scene.objects.names = drawn.iter().map(|&i| setup.scene.objects.names[i].clone()).collect();
-        setup.scene.objects.count = None;
+        setup.draw_objects();
         Ok(setup)
+    }
+
+    /// What [`Setup::load`] gives for another seed and condition, from a setup that [`Setup::open`] has read.
+    pub fn with_seed(&self, seed: u64, condition: &ConditionSpec) -> Self {
+        let mut setup = Self {
+            condition: condition.clone().draw(&mut grip_sim::rng::stream(seed, "condition")),
+            seed,
+            furniture: render::furniture(&self.scene.fixtures(), self.scene.surroundings, seed),
+            ..self.clone()
+        };
+        setup.draw_objects();
+        setup
+    }
+
+    /// Chooses the run's objects from the scene's.
+    fn draw_objects(&mut self) {
+        let drawn = self.scene.objects.draw(self.seed);
+        self.models = drawn.iter().map(|&i| self.models[i].clone()).collect();
+        self.scene.objects.names = drawn.iter().map(|&i| self.scene.objects.names[i].clone()).collect();
+        self.scene.objects.count = None;
     }
 
     /// Reads all files that `args` names, with all objects of the scene, which is `default` where none is named.
@@ -103,7 +121,7 @@ impl Setup {
             condition,
             robot,
             config,
-            library,
+            library: Arc::new(library),
             models,
             depth_noise,
             start,
@@ -271,6 +289,24 @@ impl Setup {
             [low[0] + walls, low[1] + walls, bin.base_height],
             [high[0] - walls, high[1] - walls, bin.base_height + 0.35],
         )
+    }
+
+    /// The detector `kind`, and the network it runs with its fingerprint, if it does.
+    pub fn detector(
+        &self,
+        kind: cli::Detector,
+        args: &DetectorArgs,
+    ) -> Result<(Box<dyn Detector>, Option<String>)> {
+        check_network_is_used(args, kind == cli::Detector::Pyramid, "--detector pyramid")?;
+        Ok(match kind {
+            cli::Detector::Pyramid => {
+                let pyramid = network(args)?;
+                let name = pyramid.to_string();
+                (Box::new(pyramid), Some(name))
+            }
+            cli::Detector::Clusters => (Box::new(self.clusters()), None),
+            cli::Detector::None => (Box::new(WholeImage), None),
+        })
     }
 
     /// The planner for this robot.

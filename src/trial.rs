@@ -4,10 +4,10 @@
 
 use std::time::Instant;
 
-use anyhow::{Context, Result};
+use anyhow::Result;
 use grip_manip::executor::{ExecutionReport, ExecutorSettings, execute, execute_motion};
 use grip_manip::{BeliefScene, BelievedObject, PickPlacePlan, PlanStage, Planner, pick_order};
-use grip_perception::{Detector, PoseEstimator, PosePosterior};
+use grip_perception::PosePosterior;
 use grip_sim::frame::CameraFrame;
 use grip_sim::images::RgbImage;
 use grip_sim::physics::{Grip, STEP_HZ, World};
@@ -16,18 +16,18 @@ use grip_sim::render::Renderer;
 use indicatif::ProgressBar;
 use nalgebra::Point3;
 
-use crate::cli;
 use crate::film::{Film, Strip};
 use crate::ledger::{Ledger, failure_of, finish};
 use crate::motion_check::JointLog;
-use crate::outcome::{Measures, Outcome, Stage, TRIAL_SCHEMA, TrialResult};
+use crate::outcome::{ItemTiming, Measures, Outcome, Stage, TRIAL_SCHEMA, Timing, TrialResult};
+use crate::perceive::Perception;
 use crate::pictures;
 use crate::port::{SharedWorld, Watcher, WorldPort};
 use crate::report::LookPictures;
+use crate::scenario::{Options, Scenario};
 use crate::score::{self, Watch, Whereabouts};
 use crate::scorecard::{self, DISTURBED_M};
 use crate::setup::Setup;
-use crate::truth;
 
 /// Looks in a row after which nothing could be planned end the trial.
 const MAX_FRUITLESS_LOOKS: u32 = 2;
@@ -45,14 +45,28 @@ const FINAL_SETTLE_S: f64 = 8.0;
 const DRIFT_S: f64 = 1.0;
 
 /// What to run.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone)]
 pub struct Spec {
-    /// Who estimates poses.
-    pub estimator: cli::Estimator,
+    /// The estimator's name.
+    pub estimator: String,
     /// How many of the scene's objects are to be packed; the rest is clutter.
     pub items: usize,
-    /// Whether to record an animated replay.
-    pub record: bool,
+    /// Which pictures to make for people; nothing else depends on them.
+    pub pictures: Pictures,
+}
+
+/// Pictures of a trial.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Pictures {
+    /// Every look, every attempt from outside, and the scene at the end.
+    All {
+        /// And an animated replay.
+        record: bool,
+    },
+    /// Attempts from outside.
+    Film,
+    /// The same if not everything was packed.
+    FilmOfFailures,
 }
 
 /// A finished trial.
@@ -61,8 +75,10 @@ pub struct Trial {
     pub result: TrialResult,
     /// The pictures of every look.
     pub looks: Vec<LookPictures>,
+    /// What it depended on.
+    pub scenario: Scenario,
     /// The scene after the last action.
-    pub after: RgbImage,
+    pub after: Option<RgbImage>,
     /// Each attempt from outside.
     pub strips: Vec<Strip>,
     /// The animated replay, a GIF.
@@ -75,9 +91,10 @@ pub struct Trial {
 /// When rendering, estimation or the world fails; a failed grasp is a result, not an error.
 pub fn run(
     setup: &Setup,
-    spec: Spec,
+    spec: &Spec,
+    options: &Options,
     planner: &Planner,
-    detector: &dyn Detector,
+    perception: &Perception,
     renderer: &mut dyn Renderer,
     progress: &ProgressBar,
 ) -> Result<Trial> {
@@ -86,20 +103,21 @@ pub fn run(
     let (mut world, dropped) = setup.drop_objects()?;
     log::info!("scene settled in {:.1} s, {} layouts rejected", dropped.settle_s, dropped.rejected.len());
 
-    let grip = setup.grip()?;
     let mut ledgers = vec![Ledger::default(); setup.models.len()];
     let mut looks = Vec::new();
+    let mut look = 0;
     let mut fruitless = 0;
     let mut handled = None;
     let mut log = JointLog::default();
-    let mut film = Film::new(setup, spec.record);
+    let all = matches!(spec.pictures, Pictures::All { .. });
+    let mut film = Film::new(setup, spec.pictures == Pictures::All { record: true });
+    let scenario = Scenario::new(setup, perception, spec.items, options)?;
 
     loop {
         let open: Vec<usize> = (0..spec.items).filter(|&i| ledgers[i].is_open()).collect();
         if open.is_empty() || fruitless >= MAX_FRUITLESS_LOOKS {
             break;
         }
-        let look = looks.len();
         let packed = ledgers.iter().filter(|l| l.believed_packed.is_some()).count();
         progress.set_message(format!(
             "look {}: estimating poses ({packed} of {} packed)",
@@ -110,10 +128,7 @@ pub fn run(
         // Look and estimate everything that is not believed to be in the bin.
         let (frame, _) = setup.capture(&world, renderer, look)?;
         let out: Vec<usize> = (0..ledgers.len()).filter(|&i| ledgers[i].believed_packed.is_none()).collect();
-        let posteriors = match spec.estimator {
-            cli::Estimator::Truth => truth::posteriors(&world, &frame, &out),
-            cli::Estimator::Grip => estimate(setup, detector, &grip, &frame, &out, look)?,
-        };
+        let (out, posteriors) = perception.look(setup, &world, &frame, &out, look)?;
         let mut errors = vec![None; ledgers.len()];
         for (&i, posterior) in out.iter().zip(&posteriors) {
             ledgers[i].estimate_s += posterior.seconds;
@@ -125,7 +140,7 @@ pub fn run(
                 ledgers[i].record_errors(errors[i]);
             }
         }
-        relook_at_bin(setup, spec.estimator, &world, &frame, &mut ledgers, look)?;
+        relook_at_bin(setup, perception, &world, &frame, &mut ledgers, look)?;
 
         // Believe, and plan for the first open object that can be packed.
         let (mut belief, belief_index) = believe(setup, &frame, &out, &posteriors, &ledgers);
@@ -180,9 +195,12 @@ pub fn run(
             Some((i, _)) => format!("picks {}", setup.models[*i].info.name),
             None => "nothing can be picked".to_string(),
         };
-        looks.push(draw_look(setup, renderer, &frame, &out, &posteriors, caption)?);
+        if all {
+            looks.push(draw_look(setup, renderer, &frame, &out, &posteriors, caption)?);
+        }
         let Some((i, plan)) = chosen else {
             fruitless += 1;
+            look += 1;
             continue;
         };
         fruitless = 0;
@@ -220,6 +238,7 @@ pub fn run(
         note_losses(setup, &world, &mut ledgers, &whereabouts, i);
         note_disturbance(&world, &mut ledgers, (&whereabouts, &poses), i);
         handled = Some((i, whereabouts));
+        look += 1;
     }
 
     progress.set_message("settling the bin");
@@ -229,30 +248,40 @@ pub fn run(
     }
     note_blows(&world, &mut ledgers);
     let drift_m = world.drift(DRIFT_S);
-    let (frame, _) = setup.capture(&world, renderer, looks.len())?;
     let items = finish(setup, &world, &mut ledgers, spec.items);
-    let strips = film.strips(renderer, progress)?;
+    let packed = items.iter().filter(|item| item.outcome == Outcome::Packed).count();
+    let after = if all { Some(setup.capture(&world, renderer, look)?.0.rgb) } else { None };
+    let strips = if spec.pictures == Pictures::FilmOfFailures && packed == spec.items {
+        Vec::new()
+    } else {
+        film.strips(renderer, progress)?
+    };
     let replay = film.replay(renderer, progress)?;
+    let timing = |ledger: &Ledger| ItemTiming { estimate_s: ledger.estimate_s, plan_s: ledger.plan_s };
     let result = TrialResult {
-        schema: TRIAL_SCHEMA,
+        schema: TRIAL_SCHEMA.into(),
+        scenario: scenario.hash(),
         seed: setup.seed,
         scene: setup.scene.name.clone(),
         condition: setup.condition.name.clone(),
-        estimator: spec.estimator.name(),
-        detector: detector.name(),
-        object_set: setup.library.set().label(),
-        renderer: renderer.name(),
-        hypotheses: setup.hypotheses.name(),
+        estimator: spec.estimator.clone(),
+        detector: perception.detector().into(),
+        object_set: setup.library.set().label().into(),
+        renderer: renderer.name().into(),
+        hypotheses: setup.hypotheses.name().into(),
         requested: spec.items,
         score: scorecard::fill(setup, &world, &ledgers, &items, drift_m),
-        packed: items.iter().filter(|item| item.outcome == Outcome::Packed).count(),
+        packed,
         motion_check: log.check(planner, &setup.empty_belief()),
-        wall_s: started.elapsed().as_secs_f64(),
         sim_s: world.time(),
         items,
         state_hash: world.state_hash(),
+        timing: Some(Timing {
+            wall_s: started.elapsed().as_secs_f64(),
+            items: ledgers.iter().take(spec.items).map(timing).collect(),
+        }),
     };
-    Ok(Trial { result, looks, after: frame.rgb, strips, replay })
+    Ok(Trial { result, scenario, looks, after, strips, replay })
 }
 
 /// Marks what left the table or the bin since `before`, and the item `handled` meanwhile.
@@ -363,27 +392,11 @@ fn go_home(
     }
 }
 
-/// Runs both stages on a frame for the objects `which`.
-fn estimate(
-    setup: &Setup,
-    detector: &dyn Detector,
-    estimator: &dyn PoseEstimator,
-    frame: &CameraFrame,
-    which: &[usize],
-    look: usize,
-) -> Result<Vec<PosePosterior>> {
-    let models: Vec<_> = which.iter().map(|&i| setup.models[i].clone()).collect();
-    let detections = detector.detect(frame, &models).context("detector")?;
-    estimator
-        .estimate(frame, &detections, &models, setup.stream(&format!("filter/{look}")))
-        .context("estimator")
-}
-
 /// Looks again at what is believed to lie in the bin: things tip over when they are let go, and the next place is planned
 /// around them. A pose that is not confident, not in the bin, or far from where the item was put is not taken.
 fn relook_at_bin(
     setup: &Setup,
-    estimator: cli::Estimator,
+    perception: &Perception,
     world: &World,
     frame: &CameraFrame,
     ledgers: &mut [Ledger],
@@ -393,14 +406,7 @@ fn relook_at_bin(
     if inside.is_empty() {
         return Ok(());
     }
-    let posteriors = match estimator {
-        cli::Estimator::Truth => truth::posteriors(world, frame, &inside),
-        cli::Estimator::Grip => {
-            let models: Vec<_> = inside.iter().map(|&i| setup.models[i].clone()).collect();
-            let boxes = setup.bin_detections(frame, &models)?;
-            setup.grip_in_bin()?.estimate(frame, &boxes, &models, setup.stream(&format!("bin/{look}")))?
-        }
-    };
+    let (inside, posteriors) = perception.look_into_bin(setup, world, frame, &inside, look)?;
     for (&i, posterior) in inside.iter().zip(&posteriors) {
         ledgers[i].estimate_s += posterior.seconds;
         let pose = frame.world_from_camera * posterior.best;
@@ -509,7 +515,7 @@ mod tests {
         let planner = setup.planner(grip_manip::GraspAt::Best);
         let seen_without = |left_out: Option<usize>| {
             let out: Vec<usize> = (0..setup.models.len()).filter(|i| Some(*i) != left_out).collect();
-            let posteriors = truth::posteriors(&world, &frame, &out);
+            let posteriors = crate::perceive::truth(&world, &frame, &out);
             let ledgers = vec![Ledger::default(); setup.models.len()];
             let (belief, _) = believe(&setup, &frame, &out, &posteriors, &ledgers);
             planner.unexplained(&belief, &frame, world.joints())

@@ -12,6 +12,7 @@
 //! | [`grasp_set`] | grasps as files |
 //! | [`stable`], [`heightmap`], [`place`] | how an object can stand, and where to put it in the bin |
 //! | [`settings`], [`plan`], [`planner`], [`pick`] | the planner, and its plans as data |
+//! | [`grasp_test`] | a grasp on its own, for experiments |
 //! | [`executor`] | carries plans out through a robot port |
 //! | [`moveit`], [`solve`] | motion planning problems of others, and how they are solved |
 //! | [`reach`] | how well a table, a bin and a robot's place suit each other |
@@ -27,6 +28,7 @@ pub mod executor;
 pub mod expected;
 pub mod grasp;
 pub mod grasp_set;
+pub mod grasp_test;
 pub mod heightmap;
 pub mod ik;
 pub mod moveit;

@@ -27,8 +27,8 @@ const LIFTS_ASIDE: u32 = 8;
 const NEAR: f64 = 0.02;
 
 /// A grasp with its straight motions.
-struct Picked {
-    grasp: Grasp,
+pub(crate) struct Picked {
+    pub(crate) grasp: Grasp,
     held: Held,
     /// From the pre-grasp pose to the grasp, fingers open.
     approach: CartesianPath,
@@ -47,17 +47,17 @@ struct Placed {
 }
 
 /// The state of one planning call.
-struct Attempt<'a> {
+pub(crate) struct Attempt<'a> {
     planner: &'a Planner,
     belief: &'a BeliefScene,
-    checker: CollisionChecker,
+    pub(crate) checker: CollisionChecker,
     target: usize,
     q_now: Vec<f64>,
     base_from_world: Isometry3<f64>,
     touch: Vec<CollisionPair>,
-    counters: PlanCounters,
+    pub(crate) counters: PlanCounters,
     /// The farthest failure so far.
-    failed: (PlanStage, String),
+    pub(crate) failed: (PlanStage, String),
 }
 
 impl Planner {
@@ -84,17 +84,7 @@ impl Planner {
             return Err(fail((PlanStage::Input, reason), PlanCounters::default()));
         }
         let belief = settled(belief, self.settings.snap);
-        let mut attempt = Attempt {
-            planner: self,
-            checker: CollisionChecker::new(self.robot.clone(), &belief),
-            target,
-            q_now: self.clamped(q_now),
-            base_from_world: belief.world_from_base.iso().inverse(),
-            touch: hand_may_touch(&self.robot, target),
-            counters: PlanCounters::default(),
-            failed: (PlanStage::NoGrasp, "no antipodal grasp is free".into()),
-            belief: &belief,
-        };
+        let mut attempt = Attempt::new(self, &belief, target, q_now);
         let mut rng = grip_sim::rng::stream(seed, "pick and place");
         let plan = attempt.plan(&mut rng);
         let Attempt { mut counters, failed, .. } = attempt;
@@ -109,7 +99,22 @@ impl Planner {
     }
 }
 
-impl Attempt<'_> {
+impl<'a> Attempt<'a> {
+    /// At the belief's object `target`, from `q_now`.
+    pub(crate) fn new(planner: &'a Planner, belief: &'a BeliefScene, target: usize, q_now: &[f64]) -> Self {
+        Self {
+            planner,
+            checker: CollisionChecker::new(planner.robot.clone(), belief),
+            target,
+            q_now: planner.clamped(q_now),
+            base_from_world: belief.world_from_base.iso().inverse(),
+            touch: hand_may_touch(&planner.robot, target),
+            counters: PlanCounters::default(),
+            failed: (PlanStage::NoGrasp, "no antipodal grasp is free".into()),
+            belief,
+        }
+    }
+
     fn plan(&mut self, rng: &mut ChaCha8Rng) -> Option<PickPlacePlan> {
         let planner = self.planner;
         let settings = &planner.settings;
@@ -139,7 +144,7 @@ impl Attempt<'_> {
                 return None;
             }
             // A way to the grasp first: without it no place helps.
-            let open = self.with_fingers(&self.q_now, picked.grasp.opening);
+            let open = self.planner.with_fingers(&self.q_now, picked.grasp.opening);
             let to_pregrasp = match self.path(None, &open, picked.approach.waypoints[0].clone(), rng) {
                 Ok(trajectory) => trajectory,
                 Err((PlanStage::StartInCollision, reason)) => {
@@ -196,21 +201,13 @@ impl Attempt<'_> {
         planner.search(&self.checker, held, from, &[to], &mut self.counters, rng)
     }
 
-    fn with_fingers(&self, q: &[f64], opening: f64) -> Vec<f64> {
-        let mut q = q.to_vec();
-        for finger in self.planner.robot.fingers {
-            q[finger] = 0.5 * opening;
-        }
-        self.planner.clamped(&q)
-    }
-
     /// Reaches a grasp, its approach and its lift.
-    fn pick(&mut self, grasp: Grasp) -> Option<Picked> {
+    pub(crate) fn pick(&mut self, grasp: Grasp) -> Option<Picked> {
         let planner = self.planner;
         let (settings, solver) = (&planner.settings, &planner.solver);
         self.counters.grasps_tried += 1;
         let base_from_gripper = self.base_from_world * grasp.world_from_gripper.iso();
-        let open = self.with_fingers(&self.q_now, grasp.opening);
+        let open = self.planner.with_fingers(&self.q_now, grasp.opening);
         let touch = self.touch.clone();
         let near = Query { held: None, allowed: &touch, margins: settings.near };
         let free = Query { held: None, allowed: &[], margins: settings.free };
@@ -237,7 +234,7 @@ impl Attempt<'_> {
                 }
             };
             self.counters.grasps_approached += 1;
-            let closed = self.with_fingers(&q, grasp.width);
+            let closed = self.planner.with_fingers(&q, grasp.width);
             let Some(lift) = self.lift(&closed, &held) else {
                 self.note(PlanStage::NoLift, "no grasp can be lifted straight".into());
                 continue;
@@ -321,7 +318,7 @@ impl Attempt<'_> {
             return None;
         }
         let empty = Query { held: None, allowed: &self.touch, margins: settings.near };
-        let open = self.with_fingers(&q, opening);
+        let open = self.planner.with_fingers(&q, opening);
         let back = base_from_gripper.rotation * -Vector3::x();
         let retreat = [back * settings.retreat, Vector3::z() * up].into_iter().find_map(|way| {
             translate(solver, &open, way, |_, q| self.checker.in_collision(q, &empty)).ok()
@@ -383,7 +380,7 @@ impl Attempt<'_> {
 }
 
 /// Makes consecutive trajectories meet in joints that wrap: one may end whole turns from where the next begins.
-fn joined(mut steps: Vec<PlanStep>) -> Vec<PlanStep> {
+pub(crate) fn joined(mut steps: Vec<PlanStep>) -> Vec<PlanStep> {
     use std::f64::consts::TAU;
     let mut last: Option<Vec<f64>> = None;
     for step in &mut steps {

@@ -49,6 +49,8 @@ pub enum StepName {
     Retreat,
     /// Free motion to the pose for looking.
     Home,
+    /// Fast from side to side with the object, to see whether it holds.
+    Shake,
 }
 
 /// When a guarded motion stops.

@@ -168,6 +168,15 @@ impl Planner {
         self.robot.model.joints().iter().zip(q).map(|(joint, v)| joint.limits.clamp(*v)).collect()
     }
 
+    /// The same configuration with the pads `opening` metres apart, every joint within its limits.
+    pub(crate) fn with_fingers(&self, q: &[f64], opening: f64) -> Vec<f64> {
+        let mut q = q.to_vec();
+        for finger in self.robot.fingers {
+            q[finger] = 0.5 * opening;
+        }
+        self.clamped(&q)
+    }
+
     /// Searches, shortens, rounds and times a path from `q` to one of `goals` (whole configurations).
     pub(crate) fn search(
         &self,

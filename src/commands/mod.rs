@@ -6,12 +6,15 @@ mod estimate;
 mod eval;
 mod explain;
 mod grasps;
+mod merge;
 mod objects;
 mod pack;
 mod plan;
 mod render;
 mod robot;
 mod scenes;
+mod sweep;
+mod trials;
 
 use std::process::ExitCode;
 
@@ -40,6 +43,9 @@ impl Done {
 pub fn run(cli: Cli) -> anyhow::Result<Done> {
     match cli.command {
         Command::Pack(args) => pack::run(&args),
+        Command::Trials(args) => trials::run(&args),
+        Command::Merge(args) => merge::run(&args),
+        Command::Sweep(args) => sweep::run(&args),
         Command::Plan(args) => plan::run(&args),
         Command::Render(args) => render::run(&args),
         Command::Scenes(args) => scenes::run(&args),

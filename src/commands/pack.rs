@@ -4,7 +4,7 @@ use std::path::PathBuf;
 use std::time::Duration;
 
 use anyhow::{Result, ensure};
-use grip_perception::{HypothesisRenderer, WholeImage};
+use grip_perception::HypothesisRenderer;
 use grip_sim::objects::ObjectSet;
 use grip_sim::render;
 use indicatif::{ProgressBar, ProgressStyle};
@@ -12,9 +12,11 @@ use indicatif::{ProgressBar, ProgressStyle};
 use super::Done;
 use crate::cli::{Detector, Estimator, GraspAt, PackArgs};
 use crate::outcome::TrialResult;
+use crate::perceive::Perception;
 use crate::run_dir::RunDir;
+use crate::scenario::Options;
 use crate::setup::{self, Setup};
-use crate::trial::{self, Spec, Trial};
+use crate::trial::{self, Pictures, Spec, Trial};
 use crate::{film, output, pictures, report};
 
 /// Packs, saves the run, prints the score.
@@ -32,33 +34,23 @@ pub fn run(args: &PackArgs) -> Result<Done> {
     let most = setup.models.len();
     let items = args.items.unwrap_or(most);
     ensure!((1..=most).contains(&items), "--items {items}: the scene has {most} objects; give 1 to {most}");
-    let spec = Spec { estimator: args.estimator, items, record: args.record };
     setup::check_network_is_used(
         &args.network,
-        uses_network(args),
+        args.estimator == Estimator::Grip && args.detector == Detector::Pyramid,
         "--detector pyramid and --estimator grip",
     )?;
-    let mut network = None;
-    let detector: Box<dyn grip_perception::Detector> = match args.detector {
-        Detector::Pyramid if uses_network(args) => {
-            let pyramid = setup::network(&args.network)?;
-            network = Some(pyramid.to_string());
-            Box::new(pyramid)
-        }
-        // The truth needs no boxes.
-        Detector::Pyramid => Box::new(WholeImage),
-        Detector::Clusters => Box::new(setup.clusters()),
-        Detector::None => Box::new(WholeImage),
-    };
-
+    let perception = Perception::open(&setup, &args.estimator, args.detector, &args.network)?;
+    let spec =
+        Spec { estimator: args.estimator.name(), items, pictures: Pictures::All { record: args.record } };
     let planner = setup.planner_with_grasps(args.grasp_at.into(), args.grasps.as_deref())?;
     let mut renderer = render::open(args.scene.renderer.into())?;
     let progress = spinner();
-    let trial = trial::run(&setup, spec, &planner, detector.as_ref(), renderer.as_mut(), &progress);
+    let options = Options { grasp_at: args.grasp_at, grasps: args.grasps.clone(), renderer: renderer.name() };
+    let trial = trial::run(&setup, &spec, &options, &planner, &perception, renderer.as_mut(), &progress);
     progress.finish_and_clear();
     let trial = trial?;
 
-    save(&run, &setup, args, network, &trial)?;
+    save(&run, &trial)?;
     let folder = run.finish()?;
     if args.json {
         output::data(format_args!("{}", serde_json::to_string_pretty(&trial.result)?))?;
@@ -70,12 +62,13 @@ pub fn run(args: &PackArgs) -> Result<Done> {
     }
     let page = folder.join("report.html");
     output::message(format_args!("report: {}", page.display()));
-    Ok(if trial.result.packed == trial.result.requested { Done::Fully } else { Done::Short })
+    let packed = trial.result.packed == trial.result.requested;
+    let touched = !trial.result.motion_check.collisions.is_empty();
+    Ok(if packed && !touched { Done::Fully } else { Done::Short })
 }
 
 fn default_folder(args: &PackArgs, setup: &Setup) -> PathBuf {
-    let mut parts =
-        vec![setup.scene.name.clone(), setup.condition.name.clone(), args.estimator.name().into()];
+    let mut parts = vec![setup.scene.name.clone(), setup.condition.name.clone(), args.estimator.name()];
     if args.detector != Detector::Pyramid {
         parts.push(args.detector.name().into());
     }
@@ -111,45 +104,21 @@ fn spinner() -> ProgressBar {
     progress
 }
 
-fn uses_network(args: &PackArgs) -> bool {
-    args.estimator == Estimator::Grip && args.detector == Detector::Pyramid
-}
-
-fn save(run: &RunDir, setup: &Setup, args: &PackArgs, network: Option<String>, trial: &Trial) -> Result<()> {
-    let scenario = serde_json::json!({
-        "schema": "grip.scenario/1",
-        "program": env!("CARGO_PKG_VERSION"),
-        "seed": setup.seed,
-        "estimator": args.estimator.name(),
-        "detector": args.detector.name(),
-        "network": network,
-        "grasps": args.grasps,
-        "grasp_at": format!("{:?}", args.grasp_at).to_lowercase(),
-        "items": trial.result.requested,
-        "object_set": setup.library.set().label(),
-        "renderer": trial.result.renderer,
-        "hypotheses": setup.hypotheses.to_string(),
-        "robot": setup.robot.name(),
-        "urdf": setup.robot.source(),
-        "objects": setup.models.iter().map(|model| &model.info).collect::<Vec<_>>(),
-        "intrinsics": setup.intrinsics,
-        "condition": setup.condition,
-        "scene": setup.scene,
-    });
-    run.write("scenario.json", serde_json::to_string_pretty(&scenario)?)?;
+fn save(run: &RunDir, trial: &Trial) -> Result<()> {
+    run.write("scenario.json", serde_json::to_string_pretty(trial.scenario.json())?)?;
     run.write("result.json", serde_json::to_string_pretty(&trial.result)?)?;
     for (i, look) in trial.looks.iter().enumerate() {
         run.write(&format!("frames/{i:02}_rgb.png"), pictures::rgb_png(&look.rgb)?)?;
         run.write(&format!("frames/{i:02}_depth.png"), pictures::depth_png_mm(&look.depth)?)?;
         run.write(&format!("frames/{i:02}_overlay.png"), pictures::rgb_png(&look.overlay)?)?;
     }
-    run.write("frames/end_rgb.png", pictures::rgb_png(&trial.after)?)?;
-    let mut before = &trial.after;
-    if let Some(first) = trial.looks.first() {
-        before = &first.rgb;
-        let depth = pictures::depth_color(&first.depth);
-        let sheet = [before.clone(), depth, first.overlay.clone(), trial.after.clone()];
-        run.write("summary.png", pictures::rgb_png(&pictures::sheet(&sheet, 2))?)?;
+    if let Some(after) = &trial.after {
+        run.write("frames/end_rgb.png", pictures::rgb_png(after)?)?;
+        if let Some(first) = trial.looks.first() {
+            let depth = pictures::depth_color(&first.depth);
+            let sheet = [first.rgb.clone(), depth, first.overlay.clone(), after.clone()];
+            run.write("summary.png", pictures::rgb_png(&pictures::sheet(&sheet, 2))?)?;
+        }
     }
     if !trial.strips.is_empty() {
         run.write("film.jpg", pictures::jpeg(&film::sheet(&trial.strips))?)?;
@@ -157,7 +126,7 @@ fn save(run: &RunDir, setup: &Setup, args: &PackArgs, network: Option<String>, t
     if let Some(replay) = &trial.replay {
         run.write("replay.gif", replay)?;
     }
-    run.write("report.html", report::html(trial, before)?)
+    run.write("report.html", report::html(trial)?)
 }
 
 /// Each clause of each item that was tried, with its value and its bound.
@@ -205,9 +174,10 @@ fn table(result: &TrialResult) -> String {
         .map(|c| format!("\nin collision after {:.3} s: {}", c.time_s, c.bodies))
         .collect();
     let score = &result.score;
+    let wall_s = result.timing.as_ref().map_or(0.0, |timing| timing.wall_s);
     let mark = if result.estimator == "truth" { " [estimator: truth, a ceiling and no result]" } else { "" };
     format!(
         "{table}\n\n{} of {} packed in {:.1} s ({:.1} s simulated), objects: {}, renderer: {}{hypotheses}{mark}\n{score}{collisions}",
-        result.packed, result.requested, result.wall_s, result.sim_s, result.object_set, result.renderer
+        result.packed, result.requested, wall_s, result.sim_s, result.object_set, result.renderer
     )
 }

@@ -5,7 +5,7 @@
 
 use std::path::{Path, PathBuf};
 
-use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
+use nalgebra::{Isometry3, Point3, UnitQuaternion, Vector3};
 use rand::seq::index;
 use rand::{Rng, RngExt};
 use serde::{Deserialize, Serialize};
@@ -16,7 +16,13 @@ use crate::pose::{Base, Camera, Object, Pose, World};
 use crate::range::Range;
 use crate::render::Surroundings;
 use crate::rng;
-use crate::shape::{CollisionShape, Convex};
+
+mod bin;
+mod fixture;
+
+pub use bin::{Bin, BinKind};
+use fixture::block;
+pub use fixture::{Fixture, FixtureKind};
 
 /// The version this program reads and writes.
 pub const SCHEMA: &str = "grip.scene/1";
@@ -181,51 +187,6 @@ fn default_thickness() -> f64 {
 
 fn default_friction() -> f64 {
     0.6
-}
-
-/// How a bin is built and what it looks like. All are rigid: a bag stands open, as one does in a packing frame.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum BinKind {
-    /// Straight walls of cardboard.
-    #[default]
-    Carton,
-    /// Walls of wooden slats with gaps between them.
-    Crate,
-    /// A plastic tub whose walls lean outwards.
-    Tote,
-    /// Straight walls of paper: for high, thin ones.
-    Bag,
-}
-
-/// How far the walls of a tote lean outwards, radians: 8 degrees.
-const TOTE_LEAN: f64 = 0.14;
-/// Height of a crate's slats and of the gaps between them, metres: no can fits through.
-const SLAT: [f64; 2] = [0.036, 0.018];
-
-/// An open bin with a floor and four walls.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Bin {
-    /// `carton`, the default, `crate`, `tote` or `bag`.
-    #[serde(default)]
-    pub kind: BinKind,
-    /// Centre of the floor, metres.
-    pub center: [f64; 2],
-    /// Height of what the bin stands on, metres: the table's height, or lower beside it.
-    pub base_height: f64,
-    /// Heading, radians.
-    #[serde(default)]
-    pub yaw: f64,
-    /// Inner extents of its floor along its own x and y, metres.
-    pub inner: [f64; 2],
-    /// Height of the walls above the bin's floor, metres.
-    pub wall_height: f64,
-    /// Thickness of walls and floor, metres.
-    pub wall_thickness: f64,
-    /// Coulomb friction.
-    #[serde(default = "default_friction")]
-    pub friction: f64,
 }
 
 /// What lies on the table and how it got there.
@@ -420,38 +381,6 @@ fn each(field: &str, values: &[f64], low: f64, high: f64) -> std::result::Result
     }
 }
 
-/// What a fixture is made of, for its looks.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum FixtureKind {
-    /// The table's top.
-    TableTop,
-    /// A table leg.
-    TableLeg,
-    /// Floor or wall of the bin.
-    Bin(BinKind),
-    /// What the bin stands on when it stands beside the table.
-    Stand,
-}
-
-/// A solid that never moves.
-#[derive(Debug, Clone)]
-pub struct Fixture {
-    /// Which part it is.
-    pub kind: FixtureKind,
-    /// The solid, in the world frame.
-    pub shape: CollisionShape,
-    /// Coulomb friction.
-    pub friction: f64,
-}
-
-fn block(kind: FixtureKind, pose: Isometry3<f64>, half: [f64; 3], friction: f64) -> Fixture {
-    Fixture {
-        kind,
-        shape: CollisionShape { pose, geometry: Convex::Cuboid { half: Vector3::from(half) } },
-        friction,
-    }
-}
-
 impl Table {
     /// Lower corner of the top, metres.
     pub fn low(&self) -> [f64; 2] {
@@ -487,107 +416,6 @@ impl Table {
                 leg_half,
             );
             solids.push(block(FixtureKind::TableLeg, at, [LEG, LEG, leg_half], self.friction));
-        }
-        solids
-    }
-}
-
-impl Bin {
-    /// World from the bin's frame: centre of the upper side of its floor, z up.
-    pub fn world_from_bin(&self) -> Isometry3<f64> {
-        Isometry3::from_parts(
-            Translation3::new(self.center[0], self.center[1], self.base_height + self.wall_thickness),
-            UnitQuaternion::from_euler_angles(0.0, 0.0, self.yaw),
-        )
-    }
-
-    /// Whether a world point is inside the bin: between its walls and below `margin` above their upper edge.
-    pub fn contains(&self, point: &Point3<f64>, margin: f64) -> bool {
-        let p = self.world_from_bin().inverse_transform_point(point);
-        let wider = self.lean().tan() * p.z.clamp(0.0, self.wall_height);
-        p.x.abs() <= self.inner[0] / 2.0 + wider
-            && p.y.abs() <= self.inner[1] / 2.0 + wider
-            && (-0.005..=self.wall_height + margin).contains(&p.z)
-    }
-
-    /// The bin's outline seen from above, walls included, as lower and upper corner of its bounding rectangle, metres.
-    pub fn outline(&self) -> ([f64; 2], [f64; 2]) {
-        let (sin, cos) = self.yaw.sin_cos();
-        let half = self.inner.map(|v| v / 2.0 + self.wall_reach());
-        let reach = [half[0] * cos.abs() + half[1] * sin.abs(), half[0] * sin.abs() + half[1] * cos.abs()];
-        ([0, 1].map(|a| self.center[a] - reach[a]), [0, 1].map(|a| self.center[a] + reach[a]))
-    }
-
-    /// Distance of (x, y) from the bin's outline seen from above, metres; 0 inside.
-    pub fn distance(&self, x: f64, y: f64) -> f64 {
-        let p = self.world_from_bin().inverse_transform_point(&Point3::new(x, y, 0.0));
-        let over = |v: f64, inner: f64| (v.abs() - inner / 2.0 - self.wall_reach()).max(0.0);
-        over(p.x, self.inner[0]).hypot(over(p.y, self.inner[1]))
-    }
-
-    /// How far the walls lean outwards, radians.
-    fn lean(&self) -> f64 {
-        if self.kind == BinKind::Tote { TOTE_LEAN } else { 0.0 }
-    }
-
-    /// How far the walls reach beyond the inner floor, seen from above, metres.
-    fn wall_reach(&self) -> f64 {
-        self.wall_thickness / self.lean().cos() + self.wall_height * self.lean().tan()
-    }
-
-    /// Lower and upper edge of each board of a wall above the floor, metres: one, or a crate's slats.
-    fn boards(&self) -> Vec<[f64; 2]> {
-        let [slat, gap] = SLAT;
-        let n = ((self.wall_height + gap) / (slat + gap)).round();
-        if self.kind != BinKind::Crate || n < 2.0 {
-            return vec![[0.0, self.wall_height]];
-        }
-        // The first slat stands on the floor, the last one ends at the edge; as many as fit, spread evenly.
-        let slat = slat.min(self.wall_height / n);
-        let step = (self.wall_height - slat) / (n - 1.0);
-        (0..n as usize).map(|k| [k as f64 * step, k as f64 * step + slat]).collect()
-    }
-
-    fn solids(&self, table_height: f64) -> Vec<Fixture> {
-        let world_from_bin = self.world_from_bin();
-        let (hx, hy) = (self.inner[0] / 2.0, self.inner[1] / 2.0);
-        let t = self.wall_thickness / 2.0;
-        let kind = FixtureKind::Bin(self.kind);
-        let part = |pose: Isometry3<f64>, half| block(kind, world_from_bin * pose, half, self.friction);
-        let mut solids = vec![part(Isometry3::translation(0.0, 0.0, -t), [hx + 2.0 * t, hy + 2.0 * t, t])];
-        let lean = self.lean();
-        let flare = self.wall_height * lean.tan();
-        for (axis, sign) in [(0, 1.0), (0, -1.0), (1, 1.0), (1, -1.0)] {
-            // Walls at x cover the corners. A wall turns about the floor's edge, its upper end outwards.
-            let (out, along) = if axis == 0 { (hx, hy + 2.0 * t + flare) } else { (hy, hx + flare) };
-            let edge = Translation3::from(Vector3::ith(axis, sign * out));
-            let about = if axis == 0 { Vector3::y() * sign * lean } else { Vector3::x() * -sign * lean };
-            for [low, high] in self.boards().into_iter().map(|edges| edges.map(|z| z / lean.cos())) {
-                let mut centre = Vector3::ith(axis, sign * t);
-                centre.z = 0.5 * (low + high);
-                let mut half = [along, along, 0.5 * (high - low)];
-                half[axis] = t;
-                solids.push(part(
-                    edge * UnitQuaternion::from_scaled_axis(about) * Translation3::from(centre),
-                    half,
-                ));
-            }
-        }
-        if self.kind == BinKind::Crate {
-            // Posts that hold the slats.
-            for (sx, sy) in [(1.0, 1.0), (1.0, -1.0), (-1.0, 1.0), (-1.0, -1.0)] {
-                let h = self.wall_height / 2.0;
-                solids.push(part(Isometry3::translation(sx * (hx + t), sy * (hy + t), h), [t, t, h]));
-            }
-        }
-        // A bin that does not stand on the table or the floor gets a stand under it.
-        if (self.base_height - table_height).abs() > 1e-6 && self.base_height > 1e-3 {
-            let half = self.base_height / 2.0;
-            let pose = Isometry3::from_parts(
-                Translation3::new(self.center[0], self.center[1], half),
-                world_from_bin.rotation,
-            );
-            solids.push(block(FixtureKind::Stand, pose, [hx + 2.0 * t, hy + 2.0 * t, half], self.friction));
         }
         solids
     }
@@ -710,81 +538,5 @@ gap = 0.03
             t + "[[objects.placed]]\nname = \"005_tomato_soup_can\"\npose = { translation = [2.0, 0.0, 0.7], quaternion = [1.0, 0.0, 0.0, 0.0] }\n"
         });
         assert!(off.contains("005_tomato_soup_can") && off.contains("off the table"), "{off}");
-    }
-
-    #[test]
-    fn bins_of_all_kinds_hold_water_or_at_least_cans() {
-        let scene: Scene = toml::from_str(&text(|t| t)).unwrap();
-        for kind in [BinKind::Carton, BinKind::Crate, BinKind::Tote, BinKind::Bag] {
-            let bin = Bin { kind, wall_height: 0.14, ..scene.bin.clone() };
-            let solids = bin.solids(scene.table.height);
-            let inside = |p: Point3<f64>| {
-                solids.iter().any(|f| {
-                    let Convex::Cuboid { half } = f.shape.geometry else { unreachable!() };
-                    let local = f.shape.pose.inverse_transform_point(&p);
-                    (0..3).all(|a| local[a].abs() <= half[a] + 1e-9)
-                })
-            };
-            let world_from_bin = bin.world_from_bin();
-            let at = |x: f64, y: f64, z: f64| world_from_bin * Point3::new(x, y, z);
-            // Outwards from the middle at all heights up to the edge: a wall, or a gap that no can fits through.
-            for side in 0..4 {
-                let (axis, sign) = (side / 2, if side % 2 == 0 { 1.0 } else { -1.0 });
-                let (mut gap, mut widest) = (0.0_f64, 0.0_f64);
-                for k in 0..140 {
-                    let z = 0.001 * f64::from(k) + 0.0005;
-                    let hit = (0..400).find(|step| {
-                        let mut p = [0.0, 0.0, z];
-                        p[axis] = sign * 0.001 * f64::from(*step);
-                        inside(at(p[0], p[1], p[2]))
-                    });
-                    match hit {
-                        Some(step) => {
-                            gap = 0.0;
-                            let lean = if kind == BinKind::Tote { z * TOTE_LEAN.tan() } else { 0.0 };
-                            let wall = bin.inner[axis] / 2.0 + lean;
-                            assert!((0.001 * f64::from(step) - wall).abs() < 0.0015, "{kind:?} {side} {z}");
-                        }
-                        None => gap += 0.001,
-                    }
-                    widest = widest.max(gap);
-                }
-                let most = if kind == BinKind::Crate { 0.025 } else { 0.0 };
-                assert!(widest <= most, "{kind:?} {side}: {widest}");
-                assert_eq!(kind == BinKind::Crate, widest > 0.0);
-            }
-            let (low, high) = bin.outline();
-            let corners = solids.iter().flat_map(|f| {
-                let Convex::Cuboid { half } = f.shape.geometry else { unreachable!() };
-                (0..8).map(move |i| {
-                    let s = |bit: usize| if i >> bit & 1 == 0 { -half[bit] } else { half[bit] };
-                    f.shape.pose * Point3::new(s(0), s(1), s(2))
-                })
-            });
-            for p in corners {
-                assert!((0..2).all(|a| p[a] >= low[a] - 1e-3 && p[a] <= high[a] + 1e-3), "{kind:?}: {p}");
-            }
-        }
-    }
-
-    #[test]
-    fn bin_contains_its_inside_only() {
-        let scene: Scene = toml::from_str(&text(|t| t)).unwrap();
-        let bin = &scene.bin;
-        assert!(bin.contains(&Point3::new(0.7, 0.45, 0.65), 0.0));
-        assert!(!bin.contains(&Point3::new(0.7, 0.24, 0.65), 0.0));
-        assert!(!bin.contains(&Point3::new(0.7, 0.45, 0.9), 0.05));
-        assert!((bin.distance(0.7, 0.0) - (0.45 - 0.21)).abs() < 1e-9 && bin.distance(0.6, 0.5) == 0.0);
-        // Floor and four walls meet without gap: their volume is the closed form of the shell.
-        let volume: f64 = bin
-            .solids(0.6)
-            .iter()
-            .map(|f| match &f.shape.geometry {
-                Convex::Cuboid { half } => 8.0 * half.product(),
-                _ => 0.0,
-            })
-            .sum();
-        let shell = 0.32 * 0.42 * 0.13 - 0.3 * 0.4 * 0.12;
-        assert!((volume - shell).abs() < 1e-9, "{volume} {shell}");
     }
 }

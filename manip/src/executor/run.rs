@@ -1,0 +1,342 @@
+//! The state machine: one step of a plan after the other, and what to do when one fails.
+
+use super::{
+    ControlTarget, ExecOutcome, ExecutionReport, ExecutorSettings, GripperCommand, Observer, RobotPort,
+    StepReport,
+};
+use crate::plan::{Action, Guard, PlanStep, StepName};
+use crate::timing::Trajectory;
+
+/// Carries out `steps`, one after the other.
+pub(super) fn run(
+    port: &mut impl RobotPort,
+    steps: &[PlanStep],
+    settings: &ExecutorSettings,
+    observer: &mut impl Observer,
+) -> ExecutionReport {
+    let mut run = Run {
+        target: port.joints(),
+        port,
+        settings,
+        observer,
+        gripper: GripperCommand::Hold,
+        opened: GripperCommand::Hold,
+        step: StepName::Open,
+        peak_contact: 0.0,
+        report: ExecutionReport {
+            steps: Vec::new(),
+            outcome: ExecOutcome::Done,
+            grasp_width_m: None,
+            slip_m: 0.0,
+            peak_contact_n: 0.0,
+            peak_grip_n: 0.0,
+        },
+    };
+    let mut approach: Option<&Trajectory> = None;
+    for step in steps {
+        if let (StepName::Approach, Action::Move { trajectory, .. }) = (step.name, &step.action) {
+            approach = Some(trajectory);
+        }
+        let begin_s = run.port.time();
+        run.step = step.name;
+        run.peak_contact = 0.0;
+        let result = run.perform(step);
+        let report = StepReport {
+            name: step.name,
+            begin_s,
+            end_s: run.port.time(),
+            peak_contact_n: run.peak_contact,
+            stopped_early: matches!(result, Ok(End::Stopped)),
+        };
+        run.observer.step_done(&report);
+        run.report.steps.push(report);
+        if let Err(stop) = result {
+            run.report.outcome = ExecOutcome::Failed { stage: step.name.into(), reason: stop.reason };
+            run.recover(step, approach, stop.gone);
+            break;
+        }
+    }
+    run.report
+}
+
+/// A motion may begin this far from where the arm is, radians or metres: what a guarded motion leaves when it stops early.
+const FARTHEST_START: f64 = 0.25;
+
+/// How a step ended well.
+enum End {
+    Complete,
+    /// On contact, near enough to the goal.
+    Stopped,
+}
+
+/// Why a step ended badly, and how many seconds of its trajectory were done.
+struct Stop {
+    reason: String,
+    gone: f64,
+}
+
+struct Run<'a, P, O> {
+    port: &'a mut P,
+    settings: &'a ExecutorSettings,
+    observer: &'a mut O,
+    target: Vec<f64>,
+    gripper: GripperCommand,
+    /// The last command that opened the gripper.
+    opened: GripperCommand,
+    step: StepName,
+    peak_contact: f64,
+    report: ExecutionReport,
+}
+
+impl<P: RobotPort, O: Observer> Run<'_, P, O> {
+    fn perform(&mut self, step: &PlanStep) -> Result<End, Stop> {
+        match &step.action {
+            Action::Gripper { command, width } => {
+                self.gripper = *command;
+                if let GripperCommand::Open { .. } = command {
+                    self.opened = *command;
+                }
+                self.grip(*command, *width)
+                    .map(|()| End::Complete)
+                    .map_err(|reason| Stop { reason, gone: 0.0 })
+            }
+            Action::Move { trajectory, guard, holding } => self.follow(trajectory, guard.as_ref(), *holding),
+        }
+    }
+
+    fn width(&self) -> f64 {
+        self.port.fingers().iter().sum()
+    }
+
+    /// One control period.
+    fn tick(&mut self) -> Result<(), String> {
+        let target = ControlTarget { joints: &self.target, gripper: self.gripper };
+        self.port.step(&target).map_err(|stop| stop.to_string())?;
+        let force = self.port.contact_force();
+        self.peak_contact = self.peak_contact.max(force);
+        self.report.peak_contact_n = self.report.peak_contact_n.max(force);
+        self.report.peak_grip_n = self.report.peak_grip_n.max(self.port.grip_force());
+        self.observer.tick(self.step, self.port.time());
+        Ok(())
+    }
+
+    fn follow(&mut self, trajectory: &Trajectory, guard: Option<&Guard>, holding: bool) -> Result<End, Stop> {
+        let begin = self.port.time();
+        let baseline = self.port.contact_force();
+        let limit = guard.map_or(self.settings.free_force, |g| g.force_n);
+        // After a motion that stopped early the arm is not where this one begins: the difference fades out on the way.
+        let offset: Vec<f64> = trajectory
+            .joints
+            .iter()
+            .zip(trajectory.first())
+            .map(|(&j, first)| self.target[j] - first)
+            .collect();
+        if let Some(far) = offset.iter().find(|o| o.is_nan() || o.abs() > FARTHEST_START) {
+            let reason = format!("the robot is not where the motion begins: a joint is {far:.3} off");
+            return Err(Stop { reason, gone: 0.0 });
+        }
+        let mut pressed = 0;
+        loop {
+            let gone = self.port.time() - begin;
+            let fail = |reason: String| Stop { reason, gone };
+            self.aim(trajectory, gone + self.port.period(), &offset);
+            self.tick().map_err(fail)?;
+            if holding {
+                self.watch_object().map_err(fail)?;
+            }
+            pressed = if self.port.contact_force() - baseline > limit { pressed + 1 } else { 0 };
+            if pressed >= self.settings.force_periods {
+                return self.touched(trajectory, guard, gone, limit, &offset, baseline);
+            }
+            if gone >= trajectory.duration {
+                break;
+            }
+        }
+        self.settle(trajectory, holding)
+    }
+
+    /// Decides what a contact means.
+    fn touched(
+        &mut self,
+        trajectory: &Trajectory,
+        guard: Option<&Guard>,
+        gone: f64,
+        limit: f64,
+        offset: &[f64],
+        baseline: f64,
+    ) -> Result<End, Stop> {
+        // Stay where the contact was felt instead of pressing on.
+        let measured = self.port.joints();
+        for &j in &trajectory.joints {
+            self.target[j] = measured[j];
+        }
+        if let Some(guard) = guard {
+            let left = guard.length * (1.0 - done_share(trajectory, gone));
+            let enough = if self.step == StepName::Lower {
+                self.settings.early_release.max(guard.near)
+            } else {
+                guard.near
+            };
+            if left <= enough {
+                self.relieve(trajectory, gone, limit, offset, baseline)?;
+                return Ok(End::Stopped);
+            }
+            return Err(Stop { reason: format!("contact above {limit:.0} N with {left:.3} m to go"), gone });
+        }
+        Err(Stop { reason: format!("unexpected contact above {limit:.0} N"), gone })
+    }
+
+    /// Draws back the way it came until the contact hardly presses, so that nothing is squeezed while the fingers move.
+    fn relieve(
+        &mut self,
+        trajectory: &Trajectory,
+        gone: f64,
+        limit: f64,
+        offset: &[f64],
+        baseline: f64,
+    ) -> Result<(), Stop> {
+        let last = (gone - self.settings.relief).max(0.0);
+        let mut t = gone;
+        while t > last && self.port.contact_force() - baseline > 0.25 * limit {
+            t = (t - self.port.period() * self.settings.back_off).max(last);
+            self.aim(trajectory, t, offset);
+            self.tick().map_err(|reason| Stop { reason, gone: t })?;
+        }
+        Ok(())
+    }
+
+    /// Targets the trajectory at `t`, plus what is left of `offset` (none when empty).
+    fn aim(&mut self, trajectory: &Trajectory, t: f64, offset: &[f64]) {
+        let (q, _) = trajectory.sample(t);
+        let x = if trajectory.duration > 0.0 { (t / trajectory.duration).clamp(0.0, 1.0) } else { 1.0 };
+        let left = 1.0 - x * x * (3.0 - 2.0 * x);
+        for (k, (&j, v)) in trajectory.joints.iter().zip(q).enumerate() {
+            self.target[j] = v + left * offset.get(k).copied().unwrap_or(0.0);
+        }
+    }
+
+    /// Waits for the joints to arrive.
+    fn settle(&mut self, trajectory: &Trajectory, holding: bool) -> Result<End, Stop> {
+        let fail = |reason: String| Stop { reason, gone: trajectory.duration };
+        let end = self.port.time() + self.settings.settle;
+        loop {
+            let measured = self.port.joints();
+            let off =
+                trajectory.joints.iter().map(|&j| (measured[j] - self.target[j]).abs()).fold(0.0, f64::max);
+            if off <= self.settings.arrived {
+                return Ok(End::Complete);
+            }
+            if self.port.time() >= end {
+                if off > self.settings.lost {
+                    return Err(fail(format!("a joint is {off:.3} short of its goal")));
+                }
+                return Ok(End::Complete);
+            }
+            self.tick().map_err(fail)?;
+            if holding {
+                self.watch_object().map_err(fail)?;
+            }
+        }
+    }
+
+    /// Moves the fingers and judges a grasp.
+    fn grip(&mut self, command: GripperCommand, expected: f64) -> Result<(), String> {
+        let begin = self.port.time();
+        let window = (0.1 / self.port.period()).ceil() as usize;
+        let mut widths = vec![self.width()];
+        while self.port.time() - begin < self.settings.grip_timeout {
+            self.tick()?;
+            widths.push(self.width());
+            let n = widths.len();
+            let still =
+                n > window + 1 && (widths[n - 1] - widths[n - 1 - window]).abs() < self.settings.still;
+            let done = match command {
+                GripperCommand::Open { width } => {
+                    (widths[n - 1] - width).abs() < 0.001 || (still && n > 3 * window)
+                }
+                // The drives build their force up after the fingers stand still.
+                GripperCommand::Close { force_n } => {
+                    still && (self.port.grip_force() > 0.8 * force_n || n > 10 * window)
+                }
+                GripperCommand::Hold => true,
+            };
+            if done {
+                break;
+            }
+        }
+        if let GripperCommand::Close { .. } = command {
+            let width = self.width();
+            self.report.grasp_width_m = Some(width);
+            let missed = (self.settings.miss_share * expected).max(self.settings.miss_width);
+            if width < missed {
+                return Err(format!(
+                    "missed: the fingers closed to {:.1} mm, the object is {:.1} mm wide",
+                    1e3 * width,
+                    1e3 * expected
+                ));
+            }
+        }
+        Ok(())
+    }
+
+    /// The fingers of a hand that holds something do not move.
+    fn watch_object(&mut self) -> Result<(), String> {
+        let Some(grasped) = self.report.grasp_width_m else {
+            return Ok(());
+        };
+        let width = self.width();
+        let slip = (width - grasped).abs();
+        self.report.slip_m = self.report.slip_m.max(slip);
+        let closed = width < (self.settings.miss_share * grasped).max(self.settings.miss_width);
+        if closed || slip > self.settings.slip_limit {
+            return Err(format!(
+                "lost the object: the fingers went from {:.1} to {:.1} mm",
+                1e3 * grasped,
+                1e3 * width
+            ));
+        }
+        Ok(())
+    }
+
+    /// After a failure: opens and draws back the way it came, as far as the robot lets it. Errors here change nothing.
+    fn recover(&mut self, step: &PlanStep, approach: Option<&Trajectory>, gone: f64) {
+        let back = match (&step.action, step.name) {
+            (Action::Move { trajectory, .. }, StepName::ToPregrasp | StepName::Approach | StepName::Home) => {
+                // A free motion backs off for half a second, a straight one to its beginning.
+                let to = if step.name == StepName::Approach { 0.0 } else { (gone - 0.5).max(0.0) };
+                Some((trajectory, gone, to))
+            }
+            (_, StepName::Close) => {
+                self.gripper = self.opened;
+                if self.grip(self.opened, 0.0).is_err() {
+                    return;
+                }
+                approach.map(|t| (t, t.duration, 0.0))
+            }
+            (Action::Move { trajectory, .. }, StepName::Lower) => Some((trajectory, gone, 0.0)),
+            _ => None,
+        };
+        if let Some((trajectory, from, to)) = back {
+            let mut t = from;
+            while t > to {
+                t = (t - self.port.period() * self.settings.back_off).max(to);
+                self.aim(trajectory, t, &[]);
+                if self.tick().is_err() {
+                    return;
+                }
+            }
+        }
+    }
+}
+
+/// Share of a trajectory's way, by joint-space length, that is done after `gone` seconds.
+fn done_share(trajectory: &Trajectory, gone: f64) -> f64 {
+    let p = &trajectory.points;
+    let step = |w: &[crate::timing::TrajectoryPoint]| -> f64 {
+        w[0].q.iter().zip(&w[1].q).map(|(a, b)| (b - a).powi(2)).sum::<f64>().sqrt()
+    };
+    let total: f64 = p.windows(2).map(step).sum();
+    let done_points = ((gone / trajectory.dt).floor() as usize + 1).min(p.len());
+    let done: f64 = p[..done_points].windows(2).map(step).sum();
+    if total > 0.0 { done / total } else { 1.0 }
+}

@@ -1,0 +1,181 @@
+//! The state machine on a robot with one joint.
+
+use super::*;
+use crate::timing::TrajectoryPoint;
+
+/// A robot with one arm joint that follows perfectly and two fingers; an obstacle and an object at will.
+struct Fake {
+    time: f64,
+    q: f64,
+    fingers: f64,
+    command: GripperCommand,
+    /// Width of what stands between the fingers when they close.
+    object: f64,
+    /// Time at which the object is lost.
+    lost_at: f64,
+    /// The arm feels 50 N beyond this position.
+    wall: f64,
+    /// Time of a protective stop, which passes.
+    stop_at: f64,
+    /// Highest speed commanded while the gripper is closed.
+    fastest: f64,
+}
+
+impl Fake {
+    fn new(object: f64) -> Self {
+        Self {
+            time: 0.0,
+            q: 0.0,
+            fingers: 0.05,
+            command: GripperCommand::Hold,
+            object,
+            lost_at: f64::INFINITY,
+            wall: f64::INFINITY,
+            stop_at: f64::INFINITY,
+            fastest: 0.0,
+        }
+    }
+}
+
+impl RobotPort for Fake {
+    fn time(&self) -> f64 {
+        self.time
+    }
+    fn joints(&self) -> Vec<f64> {
+        vec![self.q, self.fingers, self.fingers]
+    }
+    fn fingers(&self) -> [f64; 2] {
+        [self.fingers; 2]
+    }
+    fn grip_force(&self) -> f64 {
+        match self.command {
+            GripperCommand::Close { force_n } if self.fingers <= 0.5 * self.object => force_n,
+            _ => 0.0,
+        }
+    }
+    fn contact_force(&self) -> f64 {
+        if self.q > self.wall { 50.0 } else { 0.5 }
+    }
+    fn step(&mut self, target: &ControlTarget<'_>) -> Result<(), ProtectiveStop> {
+        self.time += self.period();
+        if self.time > self.stop_at && self.time < self.stop_at + 0.02 {
+            return Err(ProtectiveStop { reason: "too much torque".into() });
+        }
+        if let GripperCommand::Close { .. } = self.command {
+            self.fastest = self.fastest.max((target.joints[0] - self.q).abs() / self.period());
+        }
+        self.q = target.joints[0];
+        self.command = match target.gripper {
+            GripperCommand::Hold => self.command,
+            other => other,
+        };
+        let object = if self.time > self.lost_at { 0.0 } else { self.object };
+        let goal = match self.command {
+            GripperCommand::Open { width } => 0.5 * width,
+            GripperCommand::Close { .. } => 0.5 * object,
+            GripperCommand::Hold => self.fingers,
+        };
+        let most = 0.05 * self.period();
+        self.fingers += (goal - self.fingers).clamp(-most, most);
+        Ok(())
+    }
+}
+
+fn line(from: f64, to: f64, seconds: f64) -> Trajectory {
+    let dt = 1.0 / 240.0;
+    let n = (seconds / dt).round() as usize;
+    let points = (0..=n)
+        .map(|i| TrajectoryPoint {
+            q: vec![from + (to - from) * i as f64 / n as f64],
+            qd: vec![(to - from) / seconds],
+        })
+        .collect();
+    Trajectory { joints: vec![0], dt, duration: seconds, points }
+}
+
+fn steps() -> Vec<PlanStep> {
+    let guard = Some(Guard { force_n: 20.0, near: 0.02, length: 0.1 });
+    let go = |name, from, to, guard, holding| PlanStep {
+        name,
+        action: Action::Move { trajectory: line(from, to, 1.0), guard, holding },
+    };
+    let grip = |name, command, width| PlanStep { name, action: Action::Gripper { command, width } };
+    vec![
+        grip(StepName::Open, GripperCommand::Open { width: 0.10 }, 0.10),
+        go(StepName::ToPregrasp, 0.0, 0.5, None, false),
+        go(StepName::Approach, 0.5, 0.6, guard, false),
+        grip(StepName::Close, GripperCommand::Close { force_n: 30.0 }, 0.06),
+        go(StepName::Lift, 0.6, 0.4, None, true),
+        go(StepName::Carry, 0.4, -0.4, None, true),
+        go(StepName::Lower, -0.4, -0.5, guard, true),
+        grip(StepName::Release, GripperCommand::Open { width: 0.09 }, 0.09),
+        go(StepName::Retreat, -0.5, -0.4, None, false),
+    ]
+}
+
+fn go(port: &mut Fake) -> ExecutionReport {
+    run(port, &steps(), &ExecutorSettings::default(), &mut ())
+}
+
+#[test]
+fn a_good_grasp_is_carried_to_the_end() {
+    let mut port = Fake::new(0.06);
+    let report = go(&mut port);
+    assert_eq!(report.failure(), None);
+    assert_eq!(report.steps.len(), 9);
+    assert!((report.grasp_width_m.unwrap() - 0.06).abs() < 1e-3 && report.slip_m < 1e-3);
+    assert!((port.q + 0.4).abs() < 1e-9 && (2.0 * port.fingers - 0.09).abs() < 2e-3);
+    assert!(report.peak_grip_n == 30.0 && report.seconds() > 6.0);
+}
+
+#[test]
+fn fingers_that_close_completely_have_missed_and_the_hand_draws_back_open() {
+    let mut port = Fake::new(0.0);
+    let (stage, reason) = go(&mut port).failure().unwrap();
+    assert_eq!(stage, ExecStage::Grasp);
+    assert!(reason.contains("missed"), "{reason}");
+    assert!((port.q - 0.5).abs() < 1e-6 && port.fingers > 0.049);
+}
+
+#[test]
+fn an_early_contact_fails_the_approach_and_a_late_one_grasps_there() {
+    let mut port = Fake::new(0.06);
+    port.wall = 0.53;
+    let report = go(&mut port);
+    let (stage, reason) = report.failure().unwrap();
+    assert_eq!(stage, ExecStage::Approach);
+    assert!(reason.contains("contact"), "{reason}");
+    assert!((port.q - 0.5).abs() < 1e-6, "backed off");
+    let mut port = Fake::new(0.06);
+    port.wall = 0.59;
+    let report = go(&mut port);
+    assert!(report.steps[2].stopped_early && port.fastest < 1.0, "no jump to where the lift begins");
+    assert_eq!(report.failure(), None);
+}
+
+#[test]
+fn a_plan_for_another_configuration_is_refused_without_a_motion() {
+    let mut port = Fake::new(0.06);
+    port.q = 1.0;
+    let (_, reason) = go(&mut port).failure().unwrap();
+    assert!(reason.contains("not where"), "{reason}");
+    assert!((port.q - 1.0).abs() < 1e-12);
+}
+
+#[test]
+fn an_object_lost_on_the_way_is_noticed_by_the_fingers() {
+    let mut port = Fake::new(0.06);
+    port.lost_at = 3.0;
+    let (stage, reason) = go(&mut port).failure().unwrap();
+    assert!(matches!(stage, ExecStage::Lift | ExecStage::Carry), "{stage:?}");
+    assert!(reason.contains("lost"), "{reason}");
+}
+
+#[test]
+fn a_protective_stop_ends_the_execution_with_its_reason() {
+    let mut port = Fake::new(0.06);
+    port.stop_at = 1.4;
+    let (stage, reason) = go(&mut port).failure().unwrap();
+    assert_eq!(stage, ExecStage::Approach);
+    assert!(reason.contains("too much torque"), "{reason}");
+}

@@ -1,0 +1,102 @@
+//! `grip trials`: an experiment of many trials, and what to print of it.
+
+use std::time::{Duration, Instant};
+
+use anyhow::Result;
+use grip_sim::render;
+use indicatif::{ProgressBar, ProgressStyle};
+
+use super::Done;
+use crate::cli::TrialsArgs;
+use crate::experiment::plan::Plan;
+use crate::experiment::summary::{cells, pairs};
+use crate::experiment::{items, trials};
+use crate::outcome::TrialResult;
+use crate::output;
+
+/// Runs what is missing, prints the figures of all.
+pub fn run(args: &TrialsArgs) -> Result<Done> {
+    let began = Instant::now();
+    // Its name alone: every thread opens its own.
+    let renderer = render::open(args.renderer.into())?.name();
+    let plan = Plan::new(args, renderer)?;
+    plan.begin(&args.out, args.resume)?;
+    let progress = bar();
+    let jobs = args.jobs.map_or_else(
+        || std::thread::available_parallelism().map_or(1, std::num::NonZero::get),
+        |jobs| jobs as usize,
+    );
+    let done = trials::run(&plan, &args.out, jobs, args.renderer.into(), &progress);
+    progress.finish_and_clear();
+    let (results, kept) = done?;
+    items::write(&results, &args.out)?;
+    print(&results, args.json)?;
+    let (run, seconds) = (results.len() - kept, began.elapsed().as_secs_f64());
+    let hourly = 3600.0 * run as f64 / seconds.max(1e-9);
+    output::message(format_args!(
+        "{run} trials in {seconds:.0} s, {hourly:.0} an hour, {kept} kept from before: {}",
+        args.out.display()
+    ));
+    Ok(Done::Fully)
+}
+
+fn bar() -> ProgressBar {
+    let progress = ProgressBar::new(0);
+    let template = "{elapsed_precise} {wide_bar} {pos}/{len} trials, {eta} left, {msg}";
+    if let Ok(style) = ProgressStyle::with_template(template) {
+        progress.set_style(style);
+    }
+    progress.enable_steady_tick(Duration::from_millis(500));
+    progress
+}
+
+/// The figures of an experiment: a table, or JSON.
+pub fn print(results: &[TrialResult], json: bool) -> Result<()> {
+    let (cells, pairs) = (cells(results), pairs(results));
+    if json {
+        let summary = serde_json::json!({
+            "schema": "grip.experiment.summary/1",
+            "trials": results.len(),
+            "cells": cells,
+            "pairs": pairs,
+        });
+        return output::data(format_args!("{}", serde_json::to_string_pretty(&summary)?));
+    }
+    let percent = |share: f64| format!("{:.1}", 100.0 * share);
+    let rows = cells.iter().map(|cell| {
+        let failures: Vec<String> = cell.failures.iter().map(|(what, n)| format!("{n} {what}")).collect();
+        [
+            cell.scene.clone(),
+            cell.condition.clone(),
+            cell.estimator.clone(),
+            cell.trials.to_string(),
+            cell.full.to_string(),
+            format!("{} of {}", cell.packed, cell.items),
+            percent(cell.share),
+            cell.interval.map(percent).join("-"),
+            failures.join(", "),
+        ]
+    });
+    let header =
+        ["scene", "condition", "estimator", "trials", "full", "items packed", "%", "95 %", "failures"];
+    output::data(format_args!("{}", output::table(header, &[3, 4, 5, 6, 7], rows)))?;
+    if cells.iter().any(|cell| cell.estimator == "truth") {
+        output::data(format_args!("[estimator truth: a ceiling and no result]"))?;
+    }
+    for pair in &pairs {
+        let [both, first, second, none] = pair.counts;
+        let [a, b] = &pair.estimators;
+        output::data(format_args!(
+            "{} {}: of {} items {a} and {b} both pack {both}, {a} alone {first}, {b} alone {second}, none {none}; \
+             McNemar p = {:.3}",
+            pair.scene, pair.condition, pair.items, pair.p
+        ))?;
+    }
+    let collisions: usize = cells.iter().map(|cell| cell.collisions).sum();
+    if collisions > 0 {
+        output::data(format_args!(
+            "{collisions} motions were found in collision: see motion_check in trials.jsonl"
+        ))?;
+    }
+    Ok(())
+}

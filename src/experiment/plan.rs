@@ -1,0 +1,348 @@
+//! Which trials an experiment has: every scene with every condition and estimator, and the same seeds for all, so that
+//! results come in pairs.
+
+use std::path::{Path, PathBuf};
+use std::str::FromStr;
+
+use anyhow::{Context, Result, bail, ensure};
+use grip_manip::Planner;
+use grip_sim::bop;
+use grip_sim::condition::ConditionSpec;
+use serde::{Deserialize, Serialize};
+use serde_json::Value;
+
+use crate::cli::{self, SceneArgs, TrialsArgs};
+use crate::outcome::TrialResult;
+use crate::perceive::Perception;
+use crate::scenario::{Options, Scenario};
+use crate::setup::{self, Setup};
+
+/// Version of experiment.json.
+pub const SCHEMA: &str = "grip.experiment/1";
+/// What an experiment is, in its folder.
+pub const MANIFEST: &str = "experiment.json";
+/// Its results, a trial a line.
+pub const TRIALS: &str = "trials.jsonl";
+/// How long they took.
+pub const TIMINGS: &str = "timings.jsonl";
+/// Attempts from outside: of the first seed and of each failure.
+pub const FILMS: &str = "films";
+
+/// A part of an experiment: the trials whose number leaves `index - 1` when divided by `of`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Shard {
+    /// From 1 on.
+    pub index: usize,
+    /// How many there are.
+    pub of: usize,
+}
+
+impl FromStr for Shard {
+    type Err = String;
+
+    fn from_str(text: &str) -> std::result::Result<Self, String> {
+        let shard = text.split_once('/').and_then(|(index, of)| {
+            let shard = Self { index: index.parse().ok()?, of: of.parse().ok()? };
+            (1..=shard.of).contains(&shard.index).then_some(shard)
+        });
+        shard.ok_or_else(|| format!("{text}: give I/N with I from 1 to N, such as 2/4"))
+    }
+}
+
+/// What identifies a trial within an experiment, in the order in which trials are listed.
+#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+pub struct Key {
+    /// The seed.
+    pub seed: u64,
+    /// The scene's name.
+    pub scene: String,
+    /// The condition's name.
+    pub condition: String,
+    /// The estimator's name.
+    pub estimator: String,
+}
+
+impl Key {
+    /// Of a result.
+    pub fn of(result: &TrialResult) -> Self {
+        Self {
+            seed: result.seed,
+            scene: result.scene.clone(),
+            condition: result.condition.clone(),
+            estimator: result.estimator.clone(),
+        }
+    }
+
+    /// The path of its film in the experiment's folder.
+    pub fn film(&self) -> PathBuf {
+        let Self { seed, scene, condition, estimator } = self;
+        Path::new(FILMS).join(format!("{seed}-{scene}-{condition}-{estimator}.jpg"))
+    }
+}
+
+/// A scene of the experiment, ready to be run with any seed.
+pub struct Stage {
+    setup: Setup,
+    conditions: Vec<ConditionSpec>,
+    /// Its planner, which knows the grasps of objects after their first use.
+    pub planner: Planner,
+    /// The estimators.
+    pub perceptions: Vec<Perception>,
+}
+
+/// A trial to be run.
+#[derive(Debug, Clone)]
+pub struct Case {
+    /// What identifies it.
+    pub key: Key,
+    /// Position among the scenes.
+    pub scene: usize,
+    condition: usize,
+    /// Position among the estimators.
+    pub estimator: usize,
+}
+
+/// An experiment.
+pub struct Plan {
+    /// The scenes.
+    pub stages: Vec<Stage>,
+    /// Its trials, by seed first: those that are to be compared come one after the other.
+    pub cases: Vec<Case>,
+    /// The lowest seed.
+    pub first_seed: u64,
+    /// What else the trials have in common.
+    pub options: Options,
+    manifest: Value,
+}
+
+impl Plan {
+    /// Reads all files that `args` name, and lists the trials of its shard. `renderer` is who will draw.
+    ///
+    /// # Errors
+    /// When a file is wrong, or two scenes have one name.
+    pub fn new(args: &TrialsArgs, renderer: &'static str) -> Result<Self> {
+        let options = Options { grasp_at: args.grasp_at, grasps: args.grasps.clone(), renderer };
+        let estimators: Vec<String> = args.estimators.iter().map(cli::Estimator::name).collect();
+        no_name_twice(&estimators, "--estimators")?;
+        setup::check_network_is_used(
+            &args.network,
+            args.estimators.contains(&cli::Estimator::Grip) && args.detector == cli::Detector::Pyramid,
+            "--detector pyramid and estimator grip",
+        )?;
+        let mut stages: Vec<Stage> = Vec::new();
+        let scenes: Vec<Option<PathBuf>> =
+            if args.scene.is_empty() { vec![None] } else { args.scene.iter().cloned().map(Some).collect() };
+        for scene in scenes {
+            let stage = Stage::open(args, scene.clone())?;
+            let name = &stage.setup.scene.name;
+            ensure!(
+                stages.iter().all(|other| &other.setup.scene.name != name),
+                "--scene {}: another scene has the same name, {name}; give each its own",
+                scene.unwrap_or_default().display()
+            );
+            stages.push(stage);
+        }
+        let names: Vec<String> =
+            stages[0].conditions.iter().map(|condition| condition.name.clone()).collect();
+        no_name_twice(&names, "--conditions")?;
+        let last = args.seed.checked_add(u64::from(args.trials) - 1);
+        let last = last.with_context(|| {
+            format!("--seed {}: too large for {} trials; give a lower one", args.seed, args.trials)
+        })?;
+        let mut cases = Vec::new();
+        for seed in args.seed..=last {
+            for (scene, stage) in stages.iter().enumerate() {
+                for (condition, spec) in stage.conditions.iter().enumerate() {
+                    for (estimator, name) in estimators.iter().enumerate() {
+                        let key = Key {
+                            seed,
+                            scene: stage.setup.scene.name.clone(),
+                            condition: spec.name.clone(),
+                            estimator: name.clone(),
+                        };
+                        cases.push(Case { key, scene, condition, estimator });
+                    }
+                }
+            }
+        }
+        if let Some(Shard { index, of }) = args.shard {
+            cases = cases.into_iter().skip(index - 1).step_by(of).collect();
+        }
+        let scenarios = stages
+            .iter()
+            .map(|stage| {
+                let any = &stage.perceptions[0];
+                let scenario = Scenario::new(&stage.setup, any, stage.setup.models.len(), &options)?;
+                let mut scenario = scenario.json().clone();
+                for varies in ["schema", "seed", "estimator", "condition", "items"] {
+                    scenario.as_object_mut().map(|fields| fields.remove(varies));
+                }
+                Ok(scenario)
+            })
+            .collect::<Result<Vec<Value>>>()?;
+        let conditions: Vec<&[ConditionSpec]> = stages.iter().map(|s| s.conditions.as_slice()).collect();
+        let manifest = serde_json::json!({
+            "schema": SCHEMA,
+            "trials": args.trials,
+            "first_seed": args.seed,
+            "estimators": stages[0].perceptions.iter().map(Perception::description).collect::<Vec<_>>(),
+            "conditions": conditions,
+            "scenarios": scenarios,
+            "shard": args.shard,
+        });
+        Ok(Self { stages, cases, first_seed: args.seed, options, manifest })
+    }
+
+    /// Makes the experiment's folder, or makes sure that it is the same experiment that goes on.
+    ///
+    /// # Errors
+    /// When it is there although nothing is to be resumed, is another experiment, or cannot be written.
+    pub fn begin(&self, out: &Path, resume: bool) -> Result<()> {
+        let path = out.join(MANIFEST);
+        if path.exists() {
+            ensure!(
+                resume,
+                "{}: has an experiment already; go on with it by --resume, or choose another --out",
+                out.display()
+            );
+            let before = read_manifest(out)?;
+            if let Some(field) = differs(&before, &self.manifest) {
+                bail!(
+                    "{}: {field} is not what it was when the experiment began; give the same options and files, or \
+                     choose another --out",
+                    path.display()
+                );
+            }
+        } else {
+            ensure!(
+                !out.exists() || std::fs::read_dir(out).is_ok_and(|mut entries| entries.next().is_none()),
+                "{}: exists and is not the folder of an experiment; choose another --out",
+                out.display()
+            );
+            std::fs::create_dir_all(out.join(FILMS)).with_context(|| {
+                format!("{}: cannot be made; check permissions or choose another --out", out.display())
+            })?;
+            bop::write_atomic(&path, serde_json::to_string_pretty(&self.manifest)?.as_bytes())?;
+        }
+        Ok(())
+    }
+
+    /// The setup of a trial.
+    pub fn setup(&self, case: &Case) -> Setup {
+        let stage = &self.stages[case.scene];
+        stage.setup.with_seed(case.key.seed, &stage.conditions[case.condition])
+    }
+}
+
+impl Stage {
+    fn open(args: &TrialsArgs, scene: Option<PathBuf>) -> Result<Self> {
+        let scene_args = SceneArgs {
+            scene,
+            seed: args.seed,
+            renderer: args.renderer,
+            ycb: args.ycb.clone(),
+            robot: args.robot.robot.clone(),
+            package_path: args.robot.package_path.clone(),
+        };
+        let first = args.conditions.first().map_or("base", String::as_str);
+        let setup = Setup::open(&scene_args, "scenes/grocery.toml", first)?;
+        let conditions = args
+            .conditions
+            .iter()
+            .map(|name| setup::load_condition(&setup.folder, name))
+            .collect::<Result<_>>()?;
+        let planner = setup.planner_with_grasps(args.grasp_at.into(), args.grasps.as_deref())?;
+        let perceptions = args
+            .estimators
+            .iter()
+            .map(|estimator| Perception::open(&setup, estimator, args.detector, &args.network))
+            .collect::<Result<_>>()?;
+        Ok(Self { setup, conditions, planner, perceptions })
+    }
+}
+
+fn no_name_twice(names: &[String], option: &str) -> Result<()> {
+    match names.iter().enumerate().find(|(i, name)| names[..*i].contains(name)) {
+        Some((_, twice)) => bail!("{option}: {twice} is given twice; once is enough"),
+        None => Ok(()),
+    }
+}
+
+/// What an experiment's folder says that it is.
+///
+/// # Errors
+/// When there is no such file, or it is not one of ours.
+pub fn read_manifest(folder: &Path) -> Result<Value> {
+    read_schema(&folder.join(MANIFEST), SCHEMA)
+}
+
+/// A JSON file whose `schema` must be this one.
+///
+/// # Errors
+/// When there is no such file, or it has another schema.
+pub fn read_schema(path: &Path, schema: &str) -> Result<Value> {
+    let text = std::fs::read_to_string(path)
+        .with_context(|| format!("{}: cannot be read; is it the right folder?", path.display()))?;
+    let value: Value =
+        serde_json::from_str(&text).with_context(|| format!("{}: is damaged", path.display()))?;
+    ensure!(
+        value["schema"] == schema,
+        "{}: schema = {}: this program reads {schema}",
+        path.display(),
+        value["schema"]
+    );
+    Ok(value)
+}
+
+/// The first field, by its path, in which two values differ.
+pub fn differs(a: &Value, b: &Value) -> Option<String> {
+    fn walk(a: &Value, b: &Value, path: &str) -> Option<String> {
+        match (a, b) {
+            (Value::Object(x), Value::Object(y)) => {
+                let keys: std::collections::BTreeSet<&String> = x.keys().chain(y.keys()).collect();
+                keys.into_iter().find_map(|key| {
+                    // Where files lie does not matter; their content does.
+                    if key == "path" {
+                        return None;
+                    }
+                    let null = &Value::Null;
+                    let dot = if path.is_empty() { "" } else { "." };
+                    walk(x.get(key).unwrap_or(null), y.get(key).unwrap_or(null), &format!("{path}{dot}{key}"))
+                })
+            }
+            (Value::Array(x), Value::Array(y)) if x.len() == y.len() => {
+                x.iter().zip(y).enumerate().find_map(|(i, (x, y))| walk(x, y, &format!("{path}[{i}]")))
+            }
+            (x, y) if x == y => None,
+            _ => Some(path.to_owned()),
+        }
+    }
+    walk(a, b, "")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use serde_json::json;
+
+    #[test]
+    fn shards_are_given_as_one_of_many() {
+        assert_eq!("2/4".parse(), Ok(Shard { index: 2, of: 4 }));
+        for wrong in ["0/4", "5/4", "1", "a/b", "1/0", "-1/2", ""] {
+            assert!(wrong.parse::<Shard>().unwrap_err().contains("I/N"), "{wrong}");
+        }
+    }
+
+    #[test]
+    fn the_field_that_differs_is_named() {
+        let a =
+            json!({"scenarios": [{"scene": {"table": {"height": 0.7}}, "robot": {"path": "/a"}}], "n": 1});
+        let mut b = a.clone();
+        b["scenarios"][0]["robot"]["path"] = json!("/b");
+        assert_eq!(differs(&a, &b), None);
+        b["scenarios"][0]["scene"]["table"]["height"] = json!(0.71);
+        assert_eq!(differs(&a, &b).as_deref(), Some("scenarios[0].scene.table.height"));
+        assert_eq!(differs(&a, &json!({"scenarios": [], "n": 1})).as_deref(), Some("scenarios"));
+        assert_eq!(differs(&a, &a), None);
+    }
+}

@@ -1,0 +1,234 @@
+//! Grasps under known pose errors: what is the chance that a grasp holds when the pose is off by so much?
+//!
+//! One object stands alone on the table. A grasp is chosen at its true pose. Then the hand goes where that grasp would be if
+//! the object were displaced by the error, given in the gripper's frame (x approach, y closing, z sideways): approach, close,
+//! lift, shake, with the whole robot and real contacts. The same layouts and grasps are used for all errors, so that cells
+//! differ in the error alone.
+
+pub mod errors;
+pub mod fits;
+pub mod test;
+
+use std::collections::BTreeSet;
+use std::path::Path;
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+
+use anyhow::{Context, Result, bail, ensure};
+use grip_manip::{Grasp, Planner};
+use grip_sim::bop;
+use indicatif::ProgressBar;
+use serde::{Deserialize, Serialize};
+use serde_json::{Value, json};
+
+use self::errors::{ErrorCase, PoseError};
+use self::test::{GraspOutcome, Layout};
+use super::journal::{self, Journal};
+use super::plan::differs;
+use crate::setup::Setup;
+
+/// Version of sweep.json.
+const SCHEMA: &str = "grip.sweep/1";
+/// What a sweep is, in its folder.
+pub const MANIFEST: &str = "sweep.json";
+/// Its results, a grasp a line.
+pub const GRASPS: &str = "grasps.jsonl";
+
+/// Which grasp is tried.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
+#[serde(rename_all = "lowercase")]
+pub enum Strategy {
+    /// The one that the planner chooses for each layout.
+    Planned,
+    /// One for each object: what the planner chooses for its first layout.
+    Fixed,
+}
+
+/// A grasp that was tried.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct GraspLine {
+    /// The object's name.
+    pub object: String,
+    /// The layout's seed.
+    pub seed: u64,
+    /// Number of the error in the sweep.
+    pub case: usize,
+    /// The error.
+    #[serde(flatten)]
+    pub error: PoseError,
+    /// Mean distance of corresponding model points that the error makes, metres.
+    pub add_m: f64,
+    /// The same to the nearest point, metres.
+    pub adds_m: f64,
+    /// What became of the grasp.
+    pub outcome: GraspOutcome,
+    /// Both fingers pressed with opposing normals when the lift began.
+    pub opposing_contacts: bool,
+    /// The object left the table by 3 cm, touching nothing but the hand.
+    pub lifted_clear: bool,
+    /// Still held after the shake.
+    pub held_after_shake: bool,
+    /// Moved by at most 20 mm and turned by at most 20 degrees in the hand.
+    pub slip_within: bool,
+    /// How far it moved in the hand, metres.
+    pub slip_m: f64,
+    /// How far it turned in the hand, degrees.
+    pub slip_deg: f64,
+}
+
+impl GraspLine {
+    /// Whether the grasp held; none where the arm could not reach, which says nothing about the grasp.
+    pub fn held(&self) -> Option<bool> {
+        (self.outcome != GraspOutcome::Unreachable).then_some(self.outcome == GraspOutcome::Held)
+    }
+
+    fn key(&self) -> (String, u64, usize) {
+        (self.object.clone(), self.seed, self.case)
+    }
+}
+
+/// A sweep.
+pub struct Sweep {
+    /// The scene, without its objects.
+    pub setup: Setup,
+    /// The planner.
+    pub planner: Planner,
+    /// Objects by name.
+    pub objects: Vec<String>,
+    /// Seeds of the layouts: from the first, so many.
+    pub seeds: (u64, u32),
+    /// The errors tried at each layout.
+    pub cases: Vec<ErrorCase>,
+    /// Which grasp is tried.
+    pub strategy: Strategy,
+    /// Coulomb friction of all objects in place of their own.
+    pub friction: Option<f64>,
+    /// Force of each finger, newtons, in place of what the planner takes.
+    pub force_n: Option<f64>,
+}
+
+impl Sweep {
+    /// sweep.json.
+    fn manifest(&self) -> Result<Value> {
+        Ok(json!({
+            "schema": SCHEMA,
+            "program": env!("CARGO_PKG_VERSION"),
+            "objects": self.objects,
+            "object_set": self.setup.library.set().label(),
+            "first_seed": self.seeds.0,
+            "seeds": self.seeds.1,
+            "strategy": self.strategy,
+            "friction": self.friction,
+            "force_n": self.force_n,
+            "cases": self.cases,
+            "robot": self.setup.robot.name(),
+            "scene": self.setup.scene,
+        }))
+    }
+
+    /// Makes the sweep's folder, or makes sure that it is the same sweep that goes on.
+    ///
+    /// # Errors
+    /// When it is there although nothing is to be resumed, is another sweep, or cannot be written.
+    pub fn begin(&self, out: &Path, resume: bool) -> Result<()> {
+        let path = out.join(MANIFEST);
+        let manifest = self.manifest()?;
+        if path.exists() {
+            ensure!(
+                resume,
+                "{}: has a sweep already; go on with it by --resume, or choose another --out",
+                out.display()
+            );
+            if let Some(field) = differs(&read_manifest(out)?, &manifest) {
+                bail!(
+                    "{}: {field} is not what it was when the sweep began; give the same options and files, or choose \
+                     another --out",
+                    path.display()
+                );
+            }
+            return Ok(());
+        }
+        ensure!(
+            !out.exists() || std::fs::read_dir(out).is_ok_and(|mut entries| entries.next().is_none()),
+            "{}: exists and is not the folder of a sweep; choose another --out",
+            out.display()
+        );
+        std::fs::create_dir_all(out).with_context(|| {
+            format!("{}: cannot be made; check permissions or choose another --out", out.display())
+        })?;
+        Ok(bop::write_atomic(&path, serde_json::to_string_pretty(&manifest)?.as_bytes())?)
+    }
+
+    /// Tries what `out` lacks, on `jobs` threads; returns all grasps in their order, and how many were there before.
+    ///
+    /// # Errors
+    /// When an object has no layout with a grasp, or a result cannot be written; what is written by then stays.
+    pub fn run(&self, out: &Path, jobs: usize, progress: &ProgressBar) -> Result<(Vec<GraspLine>, usize)> {
+        let (journal, done) = Journal::open::<GraspLine>(&out.join(GRASPS))?;
+        let kept = done.len();
+        let known: BTreeSet<_> = done.iter().map(GraspLine::key).collect();
+        let missing = |object: &str, seed: u64| -> Vec<usize> {
+            (0..self.cases.len()).filter(|&case| !known.contains(&(object.to_owned(), seed, case))).collect()
+        };
+        let (first, count) = self.seeds;
+        let groups: Vec<(&String, u64, Vec<usize>)> = (first..first + u64::from(count))
+            .flat_map(|seed| self.objects.iter().map(move |object| (object, seed)))
+            .map(|(object, seed)| (object, seed, missing(object, seed)))
+            .filter(|(_, _, cases)| !cases.is_empty())
+            .collect();
+        progress.set_length((self.cases.len() * self.objects.len()) as u64 * u64::from(count));
+        progress.set_position(kept as u64);
+        progress.reset_eta();
+
+        let mut fixed: Vec<(&String, Grasp)> = Vec::new();
+        if self.strategy == Strategy::Fixed {
+            for object in &self.objects {
+                fixed.push((object, Layout::find(self, object, first, None)?.grasp));
+            }
+        }
+        let next = AtomicUsize::new(0);
+        let stop = AtomicBool::new(false);
+        let shared = Mutex::new((journal, done));
+        let worker = || -> Result<()> {
+            while let Some((object, seed, cases)) = groups.get(next.fetch_add(1, Ordering::Relaxed)) {
+                let only = fixed.iter().find(|(name, _)| name == object).map(|(_, grasp)| grasp);
+                let layout = Layout::find(self, object, *seed, only)?;
+                for &case in cases {
+                    if stop.load(Ordering::Relaxed) {
+                        return Ok(());
+                    }
+                    let line = layout.try_grasp(self, case)?;
+                    let mut shared = shared.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
+                    let (journal, done) = &mut *shared;
+                    journal.append(&line)?;
+                    done.push(line);
+                    progress.inc(1);
+                }
+            }
+            Ok(())
+        };
+        let workers = jobs.clamp(1, groups.len().max(1));
+        std::thread::scope(|scope| {
+            let handles: Vec<_> = (0..workers)
+                .map(|_| scope.spawn(|| worker().inspect_err(|_| stop.store(true, Ordering::Relaxed))))
+                .collect();
+            handles.into_iter().try_for_each(|handle| match handle.join() {
+                Ok(result) => result,
+                Err(panic) => std::panic::resume_unwind(panic),
+            })
+        })?;
+        let (journal, mut done) = shared.into_inner().unwrap_or_else(std::sync::PoisonError::into_inner);
+        done.sort_by_key(GraspLine::key);
+        journal::write_whole(&out.join(GRASPS), &done)?;
+        drop(journal);
+        Ok((done, kept))
+    }
+}
+
+/// What a sweep's folder says that it is.
+///
+/// # Errors
+/// When there is no such file, or it is not one of ours.
+pub fn read_manifest(folder: &Path) -> Result<Value> {
+    super::plan::read_schema(&folder.join(MANIFEST), SCHEMA)
+}

@@ -1,0 +1,203 @@
+//! A layout of one object, and grasps tried on it.
+
+use std::sync::Arc;
+
+use anyhow::{Result, bail};
+use grip_manip::executor::{ExecStage, ExecutorSettings, Observer, StepReport, execute_steps};
+use grip_manip::{BeliefScene, BelievedObject, Grasp, StepName};
+use grip_perception::metrics;
+use grip_sim::objects::ObjectModel;
+use grip_sim::physics::World;
+use grip_sim::pose::{Object, Pose, World as WorldFrame};
+use nalgebra::Point3;
+use serde::{Deserialize, Serialize};
+
+use super::{GraspLine, Sweep};
+use crate::port::{SharedWorld, WorldPort};
+use crate::score::{Watch, model_points};
+use crate::setup::Setup;
+
+/// Layouts tried until one has a grasp within reach.
+const LAYOUTS: u32 = 30;
+/// Simulated seconds before the approach, and how far the object may move meanwhile: a hand that begins inside it throws it.
+const WAIT_S: f64 = 0.15;
+const THROWN_M: f64 = 0.003;
+
+/// What became of a grasp.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum GraspOutcome {
+    /// Lifted, shaken and still in place in the hand.
+    Held,
+    /// The arm does not reach the displaced grasp: this says nothing about the grasp.
+    Unreachable,
+    /// The hand ran into the object or the table before it was there.
+    CollisionOnApproach,
+    /// The fingers closed on nothing, or not on opposite sides.
+    Missed,
+    /// Lost while lifting, or never clear of the table.
+    SlippedOnLift,
+    /// Lost in the shake.
+    LostInShake,
+    /// Held, but it slipped or turned in the hand beyond the bounds.
+    SlippedInHand,
+}
+
+/// An object on the table, and the grasp that is tried on it.
+pub struct Layout {
+    object: String,
+    seed: u64,
+    setup: Setup,
+    model: Arc<ObjectModel>,
+    points: Vec<Point3<f64>>,
+    world_from_object: Pose<WorldFrame, Object>,
+    /// The belief, which is right.
+    belief: BeliefScene,
+    /// The grasp.
+    pub grasp: Grasp,
+}
+
+impl Layout {
+    /// The first layout of `object` and `seed` with a grasp within reach: with `only`, that grasp.
+    ///
+    /// # Errors
+    /// When there is none, or the object cannot be loaded.
+    pub fn find(sweep: &Sweep, object: &str, seed: u64, only: Option<&Grasp>) -> Result<Self> {
+        let mut model = sweep.setup.library.load(object)?;
+        if let Some(friction) = sweep.friction {
+            let mut other = (*model).clone();
+            other.info.friction = friction;
+            model = Arc::new(other);
+        }
+        let mut reason = String::new();
+        for number in 0..LAYOUTS {
+            let mut setup = sweep.setup.clone();
+            setup.scene.objects.names = vec![object.to_owned()];
+            setup.scene.objects.placed.clear();
+            setup.models = vec![model.clone()];
+            setup.seed = seed;
+            setup.seed = setup.stream(&format!("layout/{object}/{number}"));
+            let (world, _) = setup.drop_objects()?;
+            let world_from_object = world.truth(0);
+            let believed = BelievedObject {
+                name: object.to_owned(),
+                model: model.clone(),
+                world_from_object,
+                poses: Vec::new(),
+                position_std_m: 0.0,
+                confidence: 1.0,
+                packed: false,
+            };
+            let belief = BeliefScene { objects: vec![believed], ..setup.empty_belief() };
+            match sweep.planner.choose_grasp(&belief, 0, &setup.start, only) {
+                Ok(grasp) => {
+                    let points = model_points(&model);
+                    let object = object.to_owned();
+                    return Ok(Self { object, seed, setup, model, points, world_from_object, belief, grasp });
+                }
+                Err(failure) => reason = failure.to_string(),
+            }
+        }
+        bail!("{object}: none of {LAYOUTS} layouts has a grasp to try; {reason}")
+    }
+
+    /// Tries the grasp with the sweep's error number `case`.
+    ///
+    /// # Errors
+    /// When the world cannot be built.
+    pub fn try_grasp(&self, sweep: &Sweep, case: usize) -> Result<GraspLine> {
+        let error = sweep.cases[case].at(self.seed);
+        let world_from_gripper = *self.grasp.world_from_gripper.iso();
+        let displaced = world_from_gripper * error.iso();
+        // The pose of the object that the displaced grasp would be right for.
+        let believed: Pose<WorldFrame, Object> =
+            Pose::new(displaced * world_from_gripper.inverse() * self.world_from_object.iso());
+        let (truth, believed) = (self.in_camera(&self.world_from_object), self.in_camera(&believed));
+        let mut line = GraspLine {
+            object: self.object.clone(),
+            seed: self.seed,
+            case,
+            error,
+            add_m: metrics::add(&self.points, &truth, &believed),
+            adds_m: metrics::adds(&self.points, &truth, &believed),
+            outcome: GraspOutcome::Unreachable,
+            opposing_contacts: false,
+            lifted_clear: false,
+            held_after_shake: false,
+            slip_within: false,
+            slip_m: 0.0,
+            slip_deg: 0.0,
+        };
+        let base_from_world = self.belief.world_from_base.iso().inverse();
+        let planner = &sweep.planner;
+        let reach = |goal| {
+            planner.plan_grasp_test(&self.belief, 0, &self.grasp, goal, &self.setup.start, sweep.force_n)
+        };
+        let Some(test) = reach(&(base_from_world * displaced)) else { return Ok(line) };
+
+        let setup = &self.setup;
+        let mut world = World::new(&setup.scene, setup.robot.clone(), &setup.config, test.start.clone())?;
+        world.add_object(self.model.clone(), &self.world_from_object)?;
+        if world.drift(WAIT_S) > THROWN_M {
+            line.outcome = GraspOutcome::CollisionOnApproach;
+            return Ok(line);
+        }
+        let watch = Watch::begin(&world, 0, setup.config.gripper.link);
+        let shared = SharedWorld::new(&mut world);
+        let mut observer = Watcher { world: &shared, watch };
+        let report = execute_steps(
+            &mut WorldPort::new(&shared),
+            &test.steps,
+            &ExecutorSettings::default(),
+            &mut observer,
+        );
+        let clauses = observer.watch.clauses;
+        let measures = observer.watch.measures;
+        line.opposing_contacts = clauses.opposing_contacts;
+        line.lifted_clear = clauses.lifted_clear;
+        line.held_after_shake = clauses.held_after_carry;
+        line.slip_within = clauses.slip_within;
+        line.slip_m = measures.slip_m;
+        line.slip_deg = measures.slip_deg;
+        line.outcome = match report.failure() {
+            Some((ExecStage::Approach, _)) => GraspOutcome::CollisionOnApproach,
+            Some((ExecStage::Grasp, _)) => GraspOutcome::Missed,
+            Some((ExecStage::Lift, _)) => GraspOutcome::SlippedOnLift,
+            Some((ExecStage::Carry | ExecStage::Place, _)) => GraspOutcome::LostInShake,
+            None if !clauses.opposing_contacts => GraspOutcome::Missed,
+            None if !clauses.lifted_clear => GraspOutcome::SlippedOnLift,
+            None if !clauses.held_after_carry => GraspOutcome::LostInShake,
+            None if !clauses.slip_within => GraspOutcome::SlippedInHand,
+            None => GraspOutcome::Held,
+        };
+        Ok(line)
+    }
+
+    /// Errors of poses do not depend on where the camera is.
+    fn in_camera(&self, pose: &Pose<WorldFrame, Object>) -> Pose<grip_sim::pose::Camera, Object> {
+        self.setup.head_camera().inverse() * *pose
+    }
+}
+
+/// The score, watching a grasp on its own.
+struct Watcher<'a, 'w> {
+    world: &'a SharedWorld<'w>,
+    watch: Watch,
+}
+
+impl Observer for Watcher<'_, '_> {
+    fn tick(&mut self, step: StepName, _: f64) {
+        if matches!(step, StepName::Close | StepName::Lift | StepName::Shake) {
+            self.watch.step(&self.world.borrow());
+        }
+    }
+
+    fn step_done(&mut self, report: &StepReport) {
+        match report.name {
+            StepName::Close => self.watch.closed(&self.world.borrow()),
+            // The shake is several motions; the last one counts.
+            StepName::Shake => self.watch.carried(),
+            _ => {}
+        }
+    }
+}
