@@ -32,6 +32,8 @@ pub enum Command {
     Merge(MergeArgs),
     /// Try grasps under known pose errors: what error does a grasp forgive?
     Sweep(SweepArgs),
+    /// Make a page, and CSV files, of experiments, sweeps and single runs.
+    Report(ReportArgs),
     /// Solve motion planning problems of MotionBenchMaker (MoveIt's YAML) and check the solutions.
     Plan(PlanArgs),
     /// Draw what the head camera sees of a scene.
@@ -87,8 +89,8 @@ pub struct PackArgs {
     /// Condition by name, from the folder `conditions` beside the scene file, or a path to a .toml file.
     #[arg(long, default_value = "base")]
     pub condition: String,
-    /// Who estimates poses: `grip`; `csv:FILE`, a results file in BOP's format with the seed as scene_id and the look as im_id;
-    /// or `truth`, which reads them from the simulator, for ceilings, and is marked in every output.
+    /// Who estimates poses: `grip`; `csv:FILE`, a results file in BOP's format with the seed as scene_id and the look as im_id
+    /// (see --bop), a look that is not in it keeping the estimates of the one before; or `truth`, which reads them from the simulator, for ceilings, and is marked in every output.
     #[arg(long, value_name = "grip|csv:FILE|truth", default_value = "grip")]
     pub estimator: Estimator,
     /// Who proposes boxes.
@@ -115,6 +117,10 @@ pub struct PackArgs {
     /// Save an animated replay of the trial (replay.gif), seen from outside, four times as fast.
     #[arg(long)]
     pub record: bool,
+    /// Save what the camera saw at each look as a BOP data set in the run folder (bop/), without truth: the seed is the
+    /// scene, the look the image.
+    #[arg(long)]
+    pub bop: bool,
     /// Print the clauses of success item by item, each with the value that it was judged by.
     #[arg(long, conflicts_with = "json")]
     pub strict: bool,
@@ -189,6 +195,17 @@ pub struct MergeArgs {
     /// Print the figures as one JSON object on stdout.
     #[arg(long)]
     pub json: bool,
+}
+
+/// `grip report`.
+#[derive(Debug, Args)]
+pub struct ReportArgs {
+    /// Folders that trials, merge, sweep and pack have made, and figures (SVG) to show with them.
+    #[arg(value_name = "DIR|SVG", required = true)]
+    pub sources: Vec<PathBuf>,
+    /// The page; CSV files get its name.
+    #[arg(long, value_name = "FILE", default_value = "runs/report.html")]
+    pub out: PathBuf,
 }
 
 /// `grip sweep`.

@@ -1,6 +1,6 @@
 //! Who estimates poses in a trial: GRIP, a results file made by anyone, or the simulator's own truth.
 
-use std::collections::HashMap;
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -39,12 +39,13 @@ pub enum Perception {
 /// Poses that anyone estimated, from a results file in BOP's format: `scene_id` is the trial's seed, `im_id` the number of
 /// the look, from 0 on.
 ///
-/// Trials repeat. A file for the first look makes a trial that ends at the second one; its frames, estimated and added to
-/// the file, make the next trial go on from there.
+/// A look that the file says nothing of takes the estimates of the last one before it: a file for the first look alone makes
+/// a robot that looks once. Trials repeat, so the frames of such a trial (`--bop`), estimated and added to the file, make one
+/// that has looked again.
 pub struct Recorded {
     path: PathBuf,
     sha256: String,
-    by_look: HashMap<(u64, usize), Vec<Estimate>>,
+    by_look: BTreeMap<(u64, usize), Vec<Estimate>>,
 }
 
 impl Recorded {
@@ -55,7 +56,7 @@ impl Recorded {
     pub fn read(path: &Path) -> Result<Self> {
         let bytes = std::fs::read(path)
             .with_context(|| format!("{}: cannot be read; --estimator csv:FILE", path.display()))?;
-        let mut by_look: HashMap<_, Vec<Estimate>> = HashMap::new();
+        let mut by_look: BTreeMap<_, Vec<Estimate>> = BTreeMap::new();
         for estimate in read_results(path)? {
             let look = (u64::from(estimate.scene_id), estimate.im_id as usize);
             by_look.entry(look).or_default().push(estimate);
@@ -72,7 +73,8 @@ impl Recorded {
         models: &[Arc<ObjectModel>],
         which: &[usize],
     ) -> (Vec<usize>, Vec<PosePosterior>) {
-        let rows = self.by_look.get(&(seed, look)).map_or([].as_slice(), Vec::as_slice);
+        let known = self.by_look.range((seed, 0)..=(seed, look)).next_back();
+        let rows = known.map_or([].as_slice(), |(_, rows)| rows.as_slice());
         let best = |i: usize| {
             let of = rows.iter().filter(|row| row.obj_id == models[i].info.bop_id);
             of.max_by(|a, b| a.score.total_cmp(&b.score))

@@ -1,5 +1,7 @@
 //! Figures for papers and reports: panels of curves as SVG, without fonts or libraries of the system.
 
+pub mod bars;
+
 use std::ops::Range;
 use std::path::Path;
 
@@ -20,6 +22,8 @@ const COLORS: [RGBColor; 7] = [
     RGBColor(86, 180, 233),
     RGBColor(0, 0, 0),
 ];
+/// Dashes of the curves, so that they can be told apart in grey as well: lengths of lines and gaps.
+const DASHES: [&str; 7] = ["", "24 10", "6 8", "40 10 6 10", "14 14", "24 8 6 8 6 8", "60 12"];
 /// Curves a panel, so that no two have one colour.
 pub const MOST_CURVES: usize = COLORS.len();
 
@@ -178,7 +182,11 @@ pub fn check_place(path: &Path) -> Result<()> {
     Ok(())
 }
 
-fn svg(figure: &Figure) -> Result<String> {
+/// A figure as SVG.
+///
+/// # Errors
+/// When a panel has too many curves.
+pub fn svg(figure: &Figure) -> Result<String> {
     let most = figure.panels.iter().map(|panel| panel.curves.len()).max().unwrap_or(0);
     anyhow::ensure!(most <= MOST_CURVES, "a figure has colours for {MOST_CURVES} curves, not for {most}");
     let lines = most as u32 + u32::from(figure.panels.iter().any(|panel| panel.level.is_some()));
@@ -189,6 +197,12 @@ fn svg(figure: &Figure) -> Result<String> {
     let mut text = String::new();
     draw(figure, SVGBackend::with_string(&mut text, size).into_drawing_area(), (columns, rows))
         .map_err(|error| anyhow::anyhow!("cannot draw the figure: {error}"))?;
+    // The library has no dashes that keep a curve in one piece.
+    for (RGBColor(r, g, b), dashes) in COLORS.into_iter().zip(DASHES).filter(|(_, dashes)| !dashes.is_empty())
+    {
+        let stroke = format!("stroke=\"#{r:02X}{g:02X}{b:02X}\" stroke-width=\"4\"");
+        text = text.replace(&stroke, &format!("{stroke} stroke-dasharray=\"{dashes}\""));
+    }
     Ok(text)
 }
 

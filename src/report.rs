@@ -2,11 +2,11 @@
 
 use std::fmt::Write as _;
 
-use base64::Engine as _;
-
 use anyhow::Result;
 use grip_sim::images::{DepthImage, RgbImage};
+use grip_sim::pose::{Camera, Pose, World};
 
+use crate::html::{STYLE, escape, picture};
 use crate::outcome::{ItemResult, ItemTiming, Outcome};
 use crate::pictures;
 use crate::trial::Trial;
@@ -22,15 +22,11 @@ pub struct LookPictures {
     pub depth: DepthImage,
     /// Colour with the estimated poses as outlines.
     pub overlay: RgbImage,
+    /// Objects that were looked for, positions in the setup's list.
+    pub asked: Vec<usize>,
+    /// Where the camera was.
+    pub world_from_camera: Pose<World, Camera>,
 }
-
-const STYLE: &str = "body{font:15px/1.45 system-ui,sans-serif;max-width:1180px;margin:2em auto;padding:0 1em;color:#1b1f24}\
-h1{font-size:1.5em}h2{font-size:1.15em;margin-top:2em}table{border-collapse:collapse;width:100%}\
-th,td{text-align:left;padding:.35em .6em;border-bottom:1px solid #d5dae0}td.n,th.n{text-align:right;font-variant-numeric:tabular-nums}\
-.ok{color:#11713a;font-weight:600}.bad{color:#a3261b;font-weight:600}.note{background:#fff4d6;padding:.6em 1em;border-radius:6px}\
-.look{display:flex;gap:8px;flex-wrap:wrap}.look figure{margin:0;flex:1 1 320px}.look img{width:100%;border-radius:4px}\
-.strip{display:flex;gap:6px;margin:.4em 0}.strip figure{margin:0;flex:1 1 0;max-width:25%}.strip img{width:100%;border-radius:4px}\
-figcaption{font-size:.85em;color:#57606a}.key{display:inline-block;width:.8em;height:.8em;border-radius:2px;margin-right:.4em}";
 
 /// The page.
 ///
@@ -153,20 +149,4 @@ fn failed_clauses(item: &ItemResult) -> String {
 fn figure(page: &mut String, image: &RgbImage, caption: &str) -> Result<()> {
     picture(page, "image/jpeg", &pictures::jpeg(image)?, caption);
     Ok(())
-}
-
-fn picture(page: &mut String, kind: &str, bytes: &[u8], caption: &str) {
-    let data = base64::engine::general_purpose::STANDARD.encode(bytes);
-    let _ = write!(
-        page,
-        "<figure><img alt='{caption}' src='data:{kind};base64,{data}'><figcaption>{caption}</figcaption></figure>"
-    );
-}
-
-fn escape(text: &str) -> String {
-    text.replace('&', "&amp;")
-        .replace('<', "&lt;")
-        .replace('>', "&gt;")
-        .replace('"', "&quot;")
-        .replace('\'', "&#39;")
 }

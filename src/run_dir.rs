@@ -60,6 +60,16 @@ impl RunDir {
         fs::write(&path, content).with_context(|| cannot_write(&self.target.join(name)))
     }
 
+    /// A new folder of the run, to be filled by others.
+    ///
+    /// # Errors
+    /// When it cannot be made.
+    pub fn folder(&self, name: &str) -> Result<PathBuf> {
+        let path = self.building.join(name);
+        fs::create_dir_all(&path).with_context(|| cannot_write(&path))?;
+        Ok(path)
+    }
+
     /// Puts the folder in its final place, in exchange for an earlier run there.
     ///
     /// # Errors

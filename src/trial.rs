@@ -127,8 +127,9 @@ pub fn run(
 
         // Look and estimate everything that is not believed to be in the bin.
         let (frame, _) = setup.capture(&world, renderer, look)?;
-        let out: Vec<usize> = (0..ledgers.len()).filter(|&i| ledgers[i].believed_packed.is_none()).collect();
-        let (out, posteriors) = perception.look(setup, &world, &frame, &out, look)?;
+        let asked: Vec<usize> =
+            (0..ledgers.len()).filter(|&i| ledgers[i].believed_packed.is_none()).collect();
+        let (out, posteriors) = perception.look(setup, &world, &frame, &asked, look)?;
         let mut errors = vec![None; ledgers.len()];
         for (&i, posterior) in out.iter().zip(&posteriors) {
             ledgers[i].estimate_s += posterior.seconds;
@@ -196,7 +197,7 @@ pub fn run(
             None => "nothing can be picked".to_string(),
         };
         if all {
-            looks.push(draw_look(setup, renderer, &frame, &out, &posteriors, caption)?);
+            looks.push(draw_look(setup, renderer, &frame, &out, &posteriors, (caption, asked))?);
         }
         let Some((i, plan)) = chosen else {
             fruitless += 1;
@@ -477,7 +478,7 @@ fn draw_look(
     frame: &CameraFrame,
     which: &[usize],
     posteriors: &[PosePosterior],
-    caption: String,
+    (caption, asked): (String, Vec<usize>),
 ) -> Result<LookPictures> {
     let believed = setup.render_believed(
         renderer,
@@ -493,6 +494,8 @@ fn draw_look(
         rgb: frame.rgb.clone(),
         depth: frame.depth.clone(),
         overlay: pictures::outlines(&frame.rgb, &believed),
+        asked,
+        world_from_camera: frame.world_from_camera,
     })
 }
 

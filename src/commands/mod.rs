@@ -11,6 +11,7 @@ mod objects;
 mod pack;
 mod plan;
 mod render;
+mod report;
 mod robot;
 mod scenes;
 mod sweep;
@@ -46,6 +47,7 @@ pub fn run(cli: Cli) -> anyhow::Result<Done> {
         Command::Trials(args) => trials::run(&args),
         Command::Merge(args) => merge::run(&args),
         Command::Sweep(args) => sweep::run(&args),
+        Command::Report(args) => report::run(&args),
         Command::Plan(args) => plan::run(&args),
         Command::Render(args) => render::run(&args),
         Command::Scenes(args) => scenes::run(&args),

@@ -17,13 +17,16 @@ use crate::run_dir::RunDir;
 use crate::scenario::Options;
 use crate::setup::{self, Setup};
 use crate::trial::{self, Pictures, Spec, Trial};
-use crate::{film, output, pictures, report};
+use crate::{film, looks, output, pictures, report};
 
 /// Packs, saves the run, prints the score.
 pub fn run(args: &PackArgs) -> Result<Done> {
     // What a full disk or a wrong --out would spoil is found out before the work, not after it.
     let named = args.out.as_deref().map(RunDir::begin).transpose()?;
     let mut setup = Setup::load(&args.scene, &args.condition)?;
+    if args.bop {
+        looks::check_seed(setup.seed)?;
+    }
     if args.estimator == Estimator::Grip {
         setup.hypotheses = HypothesisRenderer::open(args.hypotheses.into())?;
     }
@@ -51,6 +54,9 @@ pub fn run(args: &PackArgs) -> Result<Done> {
     let trial = trial?;
 
     save(&run, &trial)?;
+    if args.bop {
+        looks::write(&run.folder("bop")?, &setup, &trial.looks)?;
+    }
     let folder = run.finish()?;
     if args.json {
         output::data(format_args!("{}", serde_json::to_string_pretty(&trial.result)?))?;

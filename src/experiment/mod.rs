@@ -7,6 +7,7 @@
 //! | `trials` | runs them |
 //! | `merge` | shards become one experiment |
 //! | `items` | the items of all trials as a Parquet table |
+//! | `report` | a page of everything |
 //! | `summary` | shares and pairs of an experiment |
 //! | `sweep` | grasps under known pose errors |
 //! | `stats` | intervals, tests and fits |
@@ -15,6 +16,7 @@ pub mod items;
 pub mod journal;
 pub mod merge;
 pub mod plan;
+pub mod report;
 pub mod stats;
 pub mod summary;
 pub mod sweep;

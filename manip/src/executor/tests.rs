@@ -1,6 +1,7 @@
 //! The state machine on a robot with one joint.
 
 use super::*;
+use crate::plan::Guard;
 use crate::timing::TrajectoryPoint;
 
 /// A robot with one arm joint that follows perfectly and two fingers; an obstacle and an object at will.

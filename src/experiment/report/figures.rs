@@ -1,0 +1,270 @@
+//! The figures of a page, as SVG.
+
+use std::collections::BTreeMap;
+
+use anyhow::Result;
+
+use super::calibration::Calibration;
+use super::{Sources, SweepSource, grasp_held};
+use crate::experiment::stats::kernel_share;
+use crate::experiment::summary::Cell;
+use crate::experiment::sweep::GraspLine;
+use crate::experiment::sweep::errors::Axis;
+use crate::experiment::sweep::fits::ObjectResult;
+use crate::plot::bars::{self, Bar, Bars};
+use crate::plot::{self, Axis as PlotAxis, Curve, Figure, MOST_CURVES, Panel};
+
+/// Largest errors shown of trials, millimetres, and width of the kernel there.
+const MOST_MM: f64 = 40.0;
+const TRIAL_KERNEL_MM: f64 = 1.5;
+/// Points of a smooth curve.
+const POINTS: usize = 81;
+
+/// Shares of items packed, by scene and condition, with intervals.
+pub fn packed(cells: &[Cell]) -> Result<String> {
+    let (groups, estimators) = names(cells);
+    let series = estimators
+        .iter()
+        .map(|estimator| {
+            let bars = groups.iter().map(|group| {
+                let cell = cells.iter().find(|c| &group_of(c) == group && &c.estimator == estimator)?;
+                Some(Bar { value: 100.0 * cell.share, interval: Some(cell.interval.map(|v| 100.0 * v)) })
+            });
+            (estimator.clone(), bars.collect())
+        })
+        .collect();
+    bars::svg(&Bars {
+        title: "Items packed, with 95 % intervals".into(),
+        label: "items packed, %".into(),
+        most: 100.0,
+        stacked: false,
+        groups,
+        series,
+    })
+}
+
+/// Items that were not packed, by what became of them.
+pub fn failures(cells: &[Cell]) -> Result<String> {
+    let groups: Vec<String> = cells.iter().map(|c| format!("{}\n{}", group_of(c), c.estimator)).collect();
+    let mut kinds: BTreeMap<&String, usize> = BTreeMap::new();
+    for (kind, n) in cells.iter().flat_map(|c| &c.failures) {
+        *kinds.entry(kind).or_default() += n;
+    }
+    let mut kinds: Vec<_> = kinds.into_iter().collect();
+    kinds.sort_by(|a, b| b.1.cmp(&a.1).then(a.0.cmp(b.0)));
+    // A multiple of five, so that ticks are whole numbers.
+    let most = cells.iter().map(|c| c.items - c.packed).max().unwrap_or(0).div_ceil(5) * 5;
+    let series = kinds.into_iter().map(|(kind, _)| {
+        let count = |c: &Cell| c.failures.get(kind).map(|n| Bar { value: *n as f64, interval: None });
+        (kind.clone(), cells.iter().map(count).collect())
+    });
+    bars::svg(&Bars {
+        title: "Items not packed, by what became of them".into(),
+        label: "items".into(),
+        most: most as f64,
+        stacked: true,
+        groups,
+        series: series.collect(),
+    })
+}
+
+/// Share of grasps that held over ADD-S, and accuracy over threshold, by estimator.
+pub fn errors(sources: &Sources) -> Result<Option<String>> {
+    // Millimetres, infinite where there was no estimate; and whether the grasp held, where there was one.
+    type Cases = (Vec<f64>, Vec<(f64, bool)>);
+    let mut by_estimator: BTreeMap<&str, Cases> = BTreeMap::new();
+    for trial in sources.trials.iter().filter(|t| !t.estimator.starts_with("truth")) {
+        let (all, tried) = by_estimator.entry(&trial.estimator).or_default();
+        for item in &trial.items {
+            all.push(item.adds_m.map_or(f64::INFINITY, |m| 1e3 * m));
+            if let (Some(m), true) = (item.adds_m, item.attempts > 0) {
+                tried.push((1e3 * m, grasp_held(item)));
+            }
+        }
+    }
+    if by_estimator.is_empty() {
+        return Ok(None);
+    }
+    let xs = || (0..POINTS).map(|i| MOST_MM * i as f64 / (POINTS - 1) as f64);
+    let held = by_estimator.iter().take(MOST_CURVES).map(|(name, (_, tried))| {
+        smooth(format!("{name} ({} grasps)", tried.len()), tried, xs(), TRIAL_KERNEL_MM)
+    });
+    let accuracy = by_estimator.iter().take(MOST_CURVES).map(|(name, (all, _))| {
+        let auc = grip_perception::metrics::auc(all, MOST_MM);
+        let under = |x: f64| 100.0 * all.iter().filter(|e| **e <= x).count() as f64 / all.len().max(1) as f64;
+        Curve {
+            label: format!("{name}: AUC {:.1}", 100.0 * auc),
+            points: xs().map(|x| (x, under(x))).collect(),
+            band: Vec::new(),
+        }
+    });
+    let panel = |title: &str, x: &str, y: &str, curves: Vec<Curve>| Panel {
+        title: title.into(),
+        x: PlotAxis::linear(x, 0.0, MOST_MM),
+        y: PlotAxis::linear(y, 0.0, 100.0),
+        curves,
+        level: None,
+    };
+    let figure = Figure {
+        title: "Estimates in trials".into(),
+        columns: 2,
+        panels: vec![
+            panel("Grasps that held", "ADD-S before the grasp, mm", "grasps held, %", held.collect()),
+            panel("Accuracy", "threshold of ADD-S, mm", "items within, %", accuracy.collect()),
+        ],
+    };
+    plot::svg(&figure).map(Some)
+}
+
+/// Kernel shares of cases (x, held), per cent, where there are enough.
+fn smooth(label: String, cases: &[(f64, bool)], xs: impl Iterator<Item = f64>, width: f64) -> Curve {
+    let mut curve = Curve { label, points: Vec::new(), band: Vec::new() };
+    for x in xs {
+        if let Some((share, [low, high])) = kernel_share(cases, x, width) {
+            curve.points.push((x, 100.0 * share));
+            curve.band.push((x, 100.0 * low, 100.0 * high));
+        }
+    }
+    curve
+}
+
+/// A sweep along axes: a panel an axis, a curve an object.
+pub fn axes(objects: &[ObjectResult]) -> Result<Option<String>> {
+    // More bands than these could not be told apart.
+    let bands = objects.len() <= 3;
+    let panels: Vec<Panel> = Axis::ALL
+        .into_iter()
+        .filter_map(|axis| {
+            let unit = if axis.turns() { 1f64.to_degrees() } else { 1e3 };
+            let curves: Vec<Curve> = objects
+                .iter()
+                .filter_map(|object| {
+                    let result = object.axes.iter().find(|a| a.axis == axis)?;
+                    let at = |value: f64, share: f64| (unit * value, 100.0 * share);
+                    Some(Curve {
+                        label: object.object.clone(),
+                        points: result.shares.iter().map(|s| at(s.value, s.share)).collect(),
+                        band: result
+                            .shares
+                            .iter()
+                            .filter(|_| bands)
+                            .map(|s| (unit * s.value, 100.0 * s.interval[0], 100.0 * s.interval[1]))
+                            .collect(),
+                    })
+                })
+                .take(MOST_CURVES)
+                .collect();
+            let most = curves.iter().flat_map(|c| &c.points).map(|p| p.0.abs()).fold(0.0, f64::max);
+            let (what, label) = match axis {
+                Axis::X => ("x: approach", "too short - too far, mm"),
+                Axis::Y => ("y: closing direction", "right - left, mm"),
+                Axis::Z => ("z: sideways", "error, mm"),
+                Axis::Roll => ("roll: about the approach", "error, degrees"),
+                Axis::Pitch => ("pitch: about the closing direction", "error, degrees"),
+                Axis::Yaw => ("yaw: about the sideways axis", "error, degrees"),
+            };
+            (!curves.is_empty()).then(|| Panel {
+                title: what.into(),
+                x: PlotAxis::linear(label, -most, most),
+                y: PlotAxis::linear("grasps held, %", 0.0, 100.0),
+                curves,
+                level: None,
+            })
+        })
+        .collect();
+    if panels.is_empty() {
+        return Ok(None);
+    }
+    let title = "Grasps that hold under an error along one axis of the gripper".into();
+    plot::svg(&Figure { title, columns: 2, panels }).map(Some)
+}
+
+/// All errors of a sweep by what they are in ADD-S, in ADD and, of random ones, in translation.
+pub fn sizes(sweep: &SweepSource) -> Result<String> {
+    let mut objects: BTreeMap<&str, Vec<(&GraspLine, bool)>> = BTreeMap::new();
+    for line in &sweep.lines {
+        if let Some(held) = line.held() {
+            objects.entry(&line.object).or_default().push((line, held));
+        }
+    }
+    let panel = |title: &str, label: &str, size: fn(&GraspLine) -> f64| {
+        let most = sweep.lines.iter().map(|l| 1e3 * size(l)).fold(0.0, f64::max).min(60.0);
+        let curves = objects.iter().take(MOST_CURVES).map(|(object, lines)| {
+            let cases: Vec<(f64, bool)> = lines.iter().map(|(l, held)| (1e3 * size(l), *held)).collect();
+            let xs = (0..POINTS).map(|i| most * i as f64 / (POINTS - 1) as f64);
+            let mut curve = smooth((*object).to_owned(), &cases, xs, most / 20.0);
+            if objects.len() > 3 {
+                curve.band.clear();
+            }
+            curve
+        });
+        Panel {
+            title: title.into(),
+            x: PlotAxis::linear(label, 0.0, most),
+            y: PlotAxis::linear("grasps held, %", 0.0, 100.0),
+            curves: curves.collect(),
+            level: None,
+        }
+    };
+    let figure = Figure {
+        title: "Grasps that hold, by the size of the pose error".into(),
+        columns: 2,
+        panels: vec![
+            panel("All errors", "ADD-S, mm", |l| l.adds_m),
+            panel("All errors", "ADD, mm", |l| l.add_m),
+        ],
+    };
+    plot::svg(&figure)
+}
+
+/// Predicted against observed.
+pub fn reliability(calibration: &Calibration) -> Result<String> {
+    let percent = |v: f64| 100.0 * v;
+    let points = calibration.bins.iter().map(|(p, _, share, _)| (percent(*p), percent(*share)));
+    let band =
+        calibration.bins.iter().map(|(p, _, _, [low, high])| (percent(*p), percent(*low), percent(*high)));
+    let figure = Figure {
+        title: "Does the sweep predict the trials?".into(),
+        columns: 1,
+        panels: vec![Panel {
+            title: format!("{} grasps", calibration.grasps),
+            x: PlotAxis::linear(
+                "chance that the sweep's curve predicts at the estimate's ADD-S, %",
+                0.0,
+                100.0,
+            ),
+            y: PlotAxis::linear("grasps held, %", 0.0, 100.0),
+            curves: vec![
+                Curve { label: "trials".into(), points: points.collect(), band: band.collect() },
+                Curve {
+                    label: "perfect prediction".into(),
+                    points: vec![(0.0, 0.0), (100.0, 100.0)],
+                    band: Vec::new(),
+                },
+            ],
+            level: None,
+        }],
+    };
+    plot::svg(&figure)
+}
+
+/// Scene and condition; the scene alone goes without saying while there is one condition of it.
+fn group_of(cell: &Cell) -> String {
+    format!("{} {}", cell.scene, cell.condition)
+}
+
+/// Groups and estimators, in the order of the cells.
+fn names(cells: &[Cell]) -> (Vec<String>, Vec<String>) {
+    let mut groups: Vec<String> = Vec::new();
+    let mut estimators: Vec<String> = Vec::new();
+    for cell in cells {
+        let group = group_of(cell);
+        if !groups.contains(&group) {
+            groups.push(group);
+        }
+        if !estimators.contains(&cell.estimator) {
+            estimators.push(cell.estimator.clone());
+        }
+    }
+    (groups, estimators)
+}
