@@ -95,7 +95,10 @@ impl Layout {
                     let object = object.to_owned();
                     return Ok(Self { object, seed, setup, model, points, world_from_object, belief, grasp });
                 }
-                Err(failure) => reason = failure.to_string(),
+                Err(failure) => {
+                    log::debug!("{failure} at {world_from_object:?}: {:?}", failure.counters);
+                    reason = failure.to_string();
+                }
             }
         }
         bail!("{object}: none of {LAYOUTS} layouts has a grasp to try; {reason}")
