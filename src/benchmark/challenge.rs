@@ -1,6 +1,7 @@
 //! What poses of an object are measured with, and the BOP challenge's errors of all estimates in an image against all instances.
 
 use std::collections::BTreeMap;
+use std::sync::Arc;
 
 use anyhow::{Context, Result};
 use grip_perception::metrics::{
@@ -24,7 +25,7 @@ pub(super) struct Model {
     /// Whether it has symmetries, so that ADD(-S) is ADD-S.
     pub symmetric: bool,
     shape: SymmetricShape,
-    mesh: std::sync::Arc<Mesh>,
+    mesh: Arc<Mesh>,
 }
 
 impl Model {
@@ -43,7 +44,7 @@ impl Model {
         ids.into_par_iter().map(load).collect()
     }
 
-    fn new(mesh: std::sync::Arc<Mesh>, info: &ModelInfo) -> Self {
+    fn new(mesh: Arc<Mesh>, info: &ModelInfo) -> Self {
         let points: Vec<_> = mesh.positions.iter().map(|p| p.cast()).collect();
         Self {
             surface: Surface::new(points.clone()),

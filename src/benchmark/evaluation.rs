@@ -135,7 +135,7 @@ type ByTarget<'a> = HashMap<(u32, u32, u32), Vec<&'a Estimate>>;
 /// # Errors
 /// When the truth, a model or a depth picture cannot be read, or none of the estimates is of what is asked for.
 pub fn evaluate(dataset: &Dataset, estimates: &[Estimate]) -> Result<Evaluation> {
-    let targets = targets(dataset)?;
+    let mut targets = targets(dataset)?;
     let mut by_target = ByTarget::new();
     for estimate in estimates {
         by_target.entry((estimate.scene_id, estimate.im_id, estimate.obj_id)).or_default().push(estimate);
@@ -151,6 +151,7 @@ pub fn evaluate(dataset: &Dataset, estimates: &[Estimate]) -> Result<Evaluation>
     let ids: BTreeSet<u32> = targets.iter().map(|target| target.obj_id).collect();
     let models = Model::load_all(dataset, ids.into_iter().collect())?;
     // By image, so that its depth picture is read once.
+    targets.sort_by_key(|target| (target.scene_id, target.im_id));
     let images: Vec<&[Target]> =
         targets.chunk_by(|a, b| (a.scene_id, a.im_id) == (b.scene_id, b.im_id)).collect();
     let images: Vec<Image> = images

@@ -19,6 +19,8 @@ use crate::objects::mesh_io;
 use crate::pose::{Camera, Object, Pose, World};
 use crate::{Error, Result};
 
+use view::{camera, depth_path, in_camera_file, read_depth};
+
 pub use view::BopView;
 
 /// Splits in the order in which one is chosen when none is asked for; any other comes after these, by name.
@@ -323,30 +325,6 @@ impl Dataset {
             )
         })
     }
-}
-
-/// What `scene_camera.json` says of an image.
-fn camera<'a>(folder: &Path, scene: &'a SceneFiles, im_id: u32) -> Result<&'a CameraEntry> {
-    scene.camera.get(&im_id).ok_or_else(|| {
-        let message = format!("has no image {im_id}; it has {}", span(scene.camera.keys()));
-        Error::invalid(folder.join("scene_camera.json"), message)
-    })
-}
-
-fn in_camera_file(folder: &Path, im_id: u32, message: &str) -> Error {
-    Error::invalid(folder.join("scene_camera.json"), format!("image {im_id}, {message}"))
-}
-
-fn depth_path(folder: &Path, im_id: u32) -> PathBuf {
-    folder.join(format!("depth/{im_id:06}.png"))
-}
-
-fn read_depth(folder: &Path, im_id: u32, camera: &CameraEntry) -> Result<DepthImage> {
-    if camera.depth_scale <= 0.0 {
-        let message = format!("depth_scale = {}: must be positive", camera.depth_scale);
-        return Err(in_camera_file(folder, im_id, &message));
-    }
-    pictures::read_depth(&depth_path(folder, im_id), camera.depth_scale)
 }
 
 fn ground_truths(folder: &Path, scene: &SceneFiles, im_id: u32) -> Result<Vec<GroundTruth>> {

@@ -1,7 +1,10 @@
 //! What measures poses in an image: the camera and its depth picture, as far as a data set has them.
 
-use super::{Dataset, camera, depth_path, in_camera_file, intrinsics, read_depth, rgb_path, same_size};
-use crate::bop::format::{self, CameraFile};
+use std::path::{Path, PathBuf};
+
+use super::{Dataset, SceneFiles, intrinsics, rgb_path, same_size, span};
+use crate::bop::format::{self, CameraEntry, CameraFile};
+use crate::bop::pictures;
 use crate::camera::Intrinsics;
 use crate::images::DepthImage;
 use crate::{Error, Result};
@@ -44,4 +47,28 @@ impl Dataset {
         let intrinsics = intrinsics.map_err(|message| in_camera_file(&folder, im_id, &message))?;
         Ok(BopView { intrinsics, depth })
     }
+}
+
+/// What `scene_camera.json` says of an image.
+pub(super) fn camera<'a>(folder: &Path, scene: &'a SceneFiles, im_id: u32) -> Result<&'a CameraEntry> {
+    scene.camera.get(&im_id).ok_or_else(|| {
+        let message = format!("has no image {im_id}; it has {}", span(scene.camera.keys()));
+        Error::invalid(folder.join("scene_camera.json"), message)
+    })
+}
+
+pub(super) fn in_camera_file(folder: &Path, im_id: u32, message: &str) -> Error {
+    Error::invalid(folder.join("scene_camera.json"), format!("image {im_id}, {message}"))
+}
+
+pub(super) fn depth_path(folder: &Path, im_id: u32) -> PathBuf {
+    folder.join(format!("depth/{im_id:06}.png"))
+}
+
+pub(super) fn read_depth(folder: &Path, im_id: u32, camera: &CameraEntry) -> Result<DepthImage> {
+    if camera.depth_scale <= 0.0 {
+        let message = format!("depth_scale = {}: must be positive", camera.depth_scale);
+        return Err(in_camera_file(folder, im_id, &message));
+    }
+    pictures::read_depth(&depth_path(folder, im_id), camera.depth_scale)
 }
