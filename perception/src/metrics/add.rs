@@ -49,7 +49,8 @@ pub fn add(points: &[Point3<f64>], truth: &Pose<Camera, Object>, estimate: &Pose
 }
 
 /// ADD-S, metres: for each model point under the true pose the distance to the nearest one under the estimate, mean.
-/// Brute force: quadratic in the number of points, so sample them down to 1000 with [`sample_points`]. 0 for no points.
+/// Brute force: quadratic in the number of points, so sample them down to 1000 with
+/// [`sample_points`](super::sample_points). 0 for no points.
 pub fn adds(points: &[Point3<f64>], truth: &Pose<Camera, Object>, estimate: &Pose<Camera, Object>) -> f64 {
     let moved: Vec<Point3<f64>> = points.iter().map(|p| estimate.transform_point(p)).collect();
     let sum: f64 = points

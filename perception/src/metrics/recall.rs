@@ -4,7 +4,7 @@
 use serde::Serialize;
 
 /// Thresholds of correctness and tolerances of VSD, each as a share of something: of the diameter for MSSD and for VSD's
-/// tolerances, of 1 for VSD itself, of [`MSPD_WHOLE_PX`] for MSPD.
+/// tolerances, of 1 for VSD itself, of 100 pixels in an image of 640 columns for MSPD.
 pub const THRESHOLDS: [f64; 10] = [0.05, 0.1, 0.15, 0.2, 0.25, 0.3, 0.35, 0.4, 0.45, 0.5];
 /// Thresholds of MSPD are shares of so many pixels in an image of [`MSPD_WIDTH`]: 5 to 50.
 const MSPD_WHOLE_PX: f64 = 100.0;
