@@ -24,7 +24,7 @@ pub struct SymmetricShape {
 impl SymmetricShape {
     /// Of these points, metres, object frame. Discrete symmetries are combined with the steps of continuous ones.
     ///
-    /// The step of no turn is among them, so that the truth has no error. (The toolkit leaves it out where there is a
+    /// The step of no turn is among them, so that the truth has no error. (Versions of the toolkit leave it out where there is a
     /// continuous symmetry, which gives the truth an error of up to one step.)
     pub fn new(points: Vec<Point3<f64>>, symmetries: &Symmetries) -> Self {
         Self { points: scouts_first(points), turns: symmetries.transforms(SYMMETRY_STEP) }
