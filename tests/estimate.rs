@@ -73,7 +73,9 @@ fn poses_are_the_same_on_any_number_of_threads_and_after_a_stop_and_their_errors
     println!("{}", json["all"]);
     assert!(area > 0.8, "{area}");
     assert_eq!(json["conditions"].as_object().unwrap().keys().collect::<Vec<_>>(), ["B", "O1"]);
-    common::python("check_errors.py", "numpy", &[&set, &one, &errors]);
+    let figures = folder.path().join("eval.json");
+    std::fs::write(&figures, json.to_string()).unwrap();
+    common::python("check_errors.py", "numpy, PIL", &[&set, &one, &errors, &figures]);
 
     // As a kill leaves it: the first image whole, the last line cut off.
     let lines = std::fs::read_to_string(&one).unwrap();
@@ -108,7 +110,8 @@ fn poses_are_the_same_on_any_number_of_threads_and_after_a_stop_and_their_errors
     assert!((json["all"]["auc_add"][0].as_f64().unwrap() - 0.75).abs() < 1e-6, "{}", json["all"]);
     assert!((json["all"]["auc_add"][1].as_f64().unwrap() - 0.9).abs() < 1e-6);
     assert!(json["all"]["auc_adds"][0].as_f64().unwrap() > 0.75);
-    common::python("check_errors.py", "numpy", &[&set, &given, &errors]);
+    std::fs::write(&figures, json.to_string()).unwrap();
+    common::python("check_errors.py", "numpy, PIL", &[&set, &given, &errors, &figures]);
 
     for (content, expected) in [
         ("1,0,5,0.5\n", "line 1: has 4 fields"),

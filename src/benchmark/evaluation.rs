@@ -1,18 +1,18 @@
 //! Errors of estimates against the truth of a data set.
 
-use std::collections::btree_map::Entry;
 use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::path::Path;
 
 use anyhow::{Context, Result};
-use grip_perception::metrics::{Surface, auc};
-use grip_sim::bop::Dataset;
+use grip_perception::metrics::{Hits, PairErrors, auc};
 use grip_sim::bop::results::Estimate;
+use grip_sim::bop::{Dataset, GroundTruth, Target};
 use grip_sim::rng;
 use rand::RngExt;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
+use super::challenge::{Asked, Lacking, Model, Recall};
 use super::estimates::targets;
 use super::presence::{Presence, presence};
 
@@ -36,6 +36,8 @@ pub struct Case {
     /// Metres; infinite where there is no estimate.
     pub(super) add: f64,
     pub(super) adds: f64,
+    /// Those of the BOP challenge, of the same estimate.
+    pub(super) challenge: PairErrors,
     /// Whether the object has symmetries, so that ADD(-S) is ADD-S.
     symmetric: bool,
     diameter: f64,
@@ -43,20 +45,36 @@ pub struct Case {
 
 impl Case {
     /// The columns of [`Case::line`].
-    pub const HEADER: &'static str = "scene_id,im_id,obj_id,score,add_mm,adds_mm";
+    pub const HEADER: &'static str = "scene_id,im_id,obj_id,score,add_mm,adds_mm,mssd_mm,mspd_px,vsd";
 
-    /// A line of a CSV file, with its end; score and errors are empty where there is no estimate.
+    /// A line of a CSV file, with its end; score and errors are empty where there is no estimate or nothing to measure them
+    /// with. VSD is the mean over its tolerances.
     pub fn line(&self) -> String {
         let Self { scene_id, im_id, obj_id, .. } = self;
-        let mm = |error: f64| if error.is_finite() { (1e3 * error).to_string() } else { String::new() };
+        let number = |x: f64| if x.is_finite() { x.to_string() } else { String::new() };
         let score = self.score.map_or_else(String::new, |score| score.to_string());
-        format!("{scene_id},{im_id},{obj_id},{score},{},{}\n", mm(self.add), mm(self.adds))
+        let PairErrors { mssd_m, mspd_px, .. } = self.challenge;
+        let errors =
+            [1e3 * self.add, 1e3 * self.adds, 1e3 * mssd_m, mspd_px, self.challenge.mean_vsd()].map(number);
+        format!("{scene_id},{im_id},{obj_id},{score},{}\n", errors.join(","))
     }
 
     /// ADD-S for objects with symmetries, ADD for others.
     pub(super) fn add_or_adds(&self) -> f64 {
         if self.symmetric { self.adds } else { self.add }
     }
+}
+
+impl InImage for Case {
+    fn image(&self) -> (u32, u32) {
+        (self.scene_id, self.im_id)
+    }
+}
+
+/// What belongs to an image.
+pub(super) trait InImage {
+    /// Scene, and image of the scene.
+    fn image(&self) -> (u32, u32);
 }
 
 /// Figures of some instances.
@@ -80,6 +98,8 @@ pub struct Figures {
     pub found: f64,
     /// Median ADD-S of those with an estimate, metres; null without any.
     pub median_adds_m: Option<f64>,
+    /// Those of the BOP challenge.
+    pub bop: Recall,
 }
 
 /// The errors of a results file.
@@ -95,6 +115,8 @@ pub struct Evaluation {
     pub ignored: usize,
     /// What the confidences are worth.
     pub presence: Presence,
+    /// What errors could not be measured with.
+    pub lacking: Lacking,
     /// Every instance.
     #[serde(skip)]
     pub cases: Vec<Case>,
@@ -103,14 +125,18 @@ pub struct Evaluation {
     pub views: HashMap<(u32, u32), String>,
 }
 
+/// Estimates by scene, image and object.
+type ByTarget<'a> = HashMap<(u32, u32, u32), Vec<&'a Estimate>>;
+
 /// Compares `estimates` with the truth of all that is asked for. Of more estimates of an object in an image than there are
-/// instances the best scored count; each takes the nearest instance (by ADD-S) that is left.
+/// instances the best scored count; each takes the nearest instance (by ADD-S) that is left. The challenge's recalls are of
+/// matches of their own.
 ///
 /// # Errors
-/// When the truth or a model cannot be read, or none of the estimates is of what is asked for.
+/// When the truth, a model or a depth picture cannot be read, or none of the estimates is of what is asked for.
 pub fn evaluate(dataset: &Dataset, estimates: &[Estimate]) -> Result<Evaluation> {
-    let targets = targets(dataset)?;
-    let mut by_target: HashMap<(u32, u32, u32), Vec<&Estimate>> = HashMap::new();
+    let mut targets = targets(dataset)?;
+    let mut by_target = ByTarget::new();
     for estimate in estimates {
         by_target.entry((estimate.scene_id, estimate.im_id, estimate.obj_id)).or_default().push(estimate);
     }
@@ -122,88 +148,119 @@ pub fn evaluate(dataset: &Dataset, estimates: &[Estimate]) -> Result<Evaluation>
         estimates.len(),
         dataset.root().display()
     );
-    let infos = dataset.models_info()?;
-    let mut surfaces = BTreeMap::new();
-    for target in &targets {
-        if let Entry::Vacant(entry) = surfaces.entry(target.obj_id) {
-            let points: Vec<_> = dataset
-                .load_evaluation_model(target.obj_id)?
-                .mesh
-                .positions
-                .iter()
-                .map(|p| p.cast())
-                .collect();
-            entry.insert(Surface::new(points));
-        }
-    }
-    let cases: Vec<Case> = targets
-        .par_iter()
-        .map(|target| {
-            let info = infos.get(&target.obj_id).with_context(|| {
-                format!("{}: models_info.json has no object {}", dataset.root().display(), target.obj_id)
-            })?;
-            let case = Case {
-                scene_id: target.scene_id,
-                im_id: target.im_id,
-                obj_id: target.obj_id,
-                score: None,
-                add: f64::INFINITY,
-                adds: f64::INFINITY,
-                symmetric: !(info.symmetries.discrete.is_empty() && info.symmetries.continuous.is_empty()),
-                diameter: info.diameter,
-            };
-            let mut open: Vec<_> = dataset
-                .ground_truths(target.scene_id, target.im_id)?
-                .into_iter()
-                .filter(|t| t.obj_id == target.obj_id)
-                .collect();
-            // What is hidden is not asked for while enough is seen.
-            open.sort_by_key(|truth| !truth.is_target());
-            open.truncate(target.inst_count as usize);
-            let mut given =
-                by_target.get(&(target.scene_id, target.im_id, target.obj_id)).cloned().unwrap_or_default();
-            given.sort_by(|a, b| b.score.total_cmp(&a.score));
-            given.truncate(target.inst_count as usize);
-            let surface = &surfaces[&target.obj_id];
-            let mut cases = Vec::new();
-            for estimate in given {
-                let errors = open.iter().enumerate().map(|(i, truth)| {
-                    (surface.adds(&truth.camera_from_object, &estimate.camera_from_object), i)
-                });
-                let Some((adds, nearest)) = errors.min_by(|a, b| a.0.total_cmp(&b.0)) else { break };
-                let truth = open.remove(nearest);
-                let add = surface.add(&truth.camera_from_object, &estimate.camera_from_object);
-                cases.push(Case { score: Some(estimate.score), add, adds, ..case });
-            }
-            cases.extend(open.iter().map(|_| case));
-            Ok(cases)
-        })
-        .collect::<Result<Vec<Vec<Case>>>>()?
-        .into_iter()
-        .flatten()
-        .collect();
+    let ids: BTreeSet<u32> = targets.iter().map(|target| target.obj_id).collect();
+    let models = Model::load_all(dataset, ids.into_iter().collect())?;
+    // By image, so that its depth picture is read once.
+    targets.sort_by_key(|target| (target.scene_id, target.im_id));
+    let images: Vec<&[Target]> =
+        targets.chunk_by(|a, b| (a.scene_id, a.im_id) == (b.scene_id, b.im_id)).collect();
+    let images: Vec<Image> = images
+        .into_par_iter()
+        .map(|targets| image(dataset, &models, &by_target, targets))
+        .collect::<Result<_>>()?;
+    let cases: Vec<Case> = images.iter().flat_map(|image| &image.cases).copied().collect();
     let presence = presence(dataset, estimates, &cases)?;
     let names = views(dataset)?;
-    let mut objects: BTreeMap<u32, Vec<Case>> = BTreeMap::new();
-    let mut by_condition: BTreeMap<String, Vec<Case>> = BTreeMap::new();
-    for case in &cases {
-        objects.entry(case.obj_id).or_default().push(*case);
-        if let Some(name) = names.get(&(case.scene_id, case.im_id)) {
-            by_condition.entry(name.clone()).or_default().push(*case);
+    let all: Vec<&Image> = images.iter().collect();
+    let of_object = |id: &u32| {
+        figures(
+            cases.iter().filter(|case| case.obj_id == *id),
+            images.iter().flat_map(|image| &image.asked).filter(|asked| asked.obj_id == *id),
+        )
+    };
+    let of_images = |images: &[&Image]| {
+        figures(images.iter().flat_map(|image| &image.cases), images.iter().flat_map(|image| &image.asked))
+    };
+    let mut by_condition: BTreeMap<String, Vec<&Image>> = BTreeMap::new();
+    for image in &images {
+        if let Some(name) = image.cases.first().and_then(|case| names.get(&case.image())) {
+            by_condition.entry(name.clone()).or_default().push(image);
         }
     }
+    let objects: BTreeSet<u32> = cases.iter().map(|case| case.obj_id).collect();
     Ok(Evaluation {
-        all: figures(&cases),
-        objects: objects.into_iter().map(|(id, cases)| (id, figures(&cases))).collect(),
-        conditions: by_condition.into_iter().map(|(name, cases)| (name, figures(&cases))).collect(),
+        all: of_images(&all),
+        objects: objects.iter().map(|id| (*id, of_object(id))).collect(),
+        conditions: by_condition.into_iter().map(|(name, images)| (name, of_images(&images))).collect(),
         ignored: estimates.len() - asked - presence.absent,
         presence,
+        lacking: images.iter().map(|image| image.lacking).fold(Lacking::default(), Lacking::and),
         cases,
         views: names,
     })
 }
 
-fn figures(cases: &[Case]) -> Figures {
+/// What was found in an image.
+#[derive(Default)]
+struct Image {
+    cases: Vec<Case>,
+    asked: Vec<Asked>,
+    lacking: Lacking,
+}
+
+/// Compares what is asked for in one image.
+fn image(
+    dataset: &Dataset,
+    models: &BTreeMap<u32, Model>,
+    by_target: &ByTarget,
+    targets: &[Target],
+) -> Result<Image> {
+    let Some(&Target { scene_id, im_id, .. }) = targets.first() else { return Ok(Image::default()) };
+    let truths = dataset.ground_truths(scene_id, im_id)?;
+    if !targets.iter().any(|target| truths.iter().any(|truth| truth.obj_id == target.obj_id)) {
+        return Ok(Image::default());
+    }
+    let view = dataset.view(scene_id, im_id)?;
+    let mut image = Image { lacking: Lacking::of(&view), ..Image::default() };
+    for Target { obj_id, inst_count, .. } in targets {
+        let model = &models[obj_id];
+        let mut truths: Vec<GroundTruth> = truths.iter().filter(|t| t.obj_id == *obj_id).cloned().collect();
+        // Those are asked for of which most is seen.
+        let seen = |truth: &GroundTruth| truth.info.map_or(1.0, |info| info.visib_fract);
+        truths.sort_by(|a, b| seen(b).total_cmp(&seen(a)));
+        truths.truncate(*inst_count as usize);
+        if truths.is_empty() {
+            continue;
+        }
+        let mut given = by_target.get(&(scene_id, im_id, *obj_id)).cloned().unwrap_or_default();
+        given.sort_by(|a, b| b.score.total_cmp(&a.score));
+        given.truncate(*inst_count as usize);
+        let errors = model.errors(&view, &truths, &given);
+        let hits = Hits::new(&errors, truths.len(), &model.measured(&view));
+        image.asked.push(Asked { image: (scene_id, im_id), obj_id: *obj_id, hits });
+
+        let case = Case {
+            scene_id,
+            im_id,
+            obj_id: *obj_id,
+            score: None,
+            add: f64::INFINITY,
+            adds: f64::INFINITY,
+            challenge: PairErrors::MISSED,
+            symmetric: model.symmetric,
+            diameter: model.diameter,
+        };
+        let mut open: Vec<usize> = (0..truths.len()).collect();
+        for (estimate, errors) in given.iter().zip(&errors) {
+            let pose = &estimate.camera_from_object;
+            let distances = open
+                .iter()
+                .enumerate()
+                .map(|(place, truth)| (model.surface.adds(&truths[*truth].camera_from_object, pose), place));
+            let Some((adds, place)) = distances.min_by(|a, b| a.0.total_cmp(&b.0)) else { break };
+            let truth = open.remove(place);
+            let add = model.surface.add(&truths[truth].camera_from_object, pose);
+            let score = Some(estimate.score);
+            image.cases.push(Case { score, add, adds, challenge: errors[truth], ..case });
+        }
+        image.cases.extend(open.iter().map(|_| case));
+    }
+    Ok(image)
+}
+
+fn figures<'a>(cases: impl Iterator<Item = &'a Case>, asked: impl Iterator<Item = &'a Asked>) -> Figures {
+    let cases: Vec<Case> = cases.copied().collect();
+    let asked: Vec<Asked> = asked.copied().collect();
     let add: Vec<f64> = cases.iter().map(|c| c.add).collect();
     let adds: Vec<f64> = cases.iter().map(|c| c.adds).collect();
     let either: Vec<f64> = cases.iter().map(Case::add_or_adds).collect();
@@ -215,12 +272,13 @@ fn figures(cases: &[Case]) -> Figures {
         instances: cases.len(),
         estimated: known.len(),
         auc_adds: areas(&adds),
-        auc_adds_interval: interval(cases, |c| c.adds),
+        auc_adds_interval: interval(&cases, |c| c.adds),
         auc_add: areas(&add),
         auc_add_or_adds: areas(&either),
-        auc_add_or_adds_interval: interval(cases, Case::add_or_adds),
+        auc_add_or_adds_interval: interval(&cases, Case::add_or_adds),
         found: found as f64 / cases.len().max(1) as f64,
         median_adds_m: known.get(known.len() / 2).copied(),
+        bop: Recall::new(&asked),
     }
 }
 
@@ -232,16 +290,17 @@ fn interval(cases: &[Case], error: impl Fn(&Case) -> f64) -> [f64; 2] {
 /// 95 % percentile bootstrap of a statistic of what `value` takes from the cases. Scenes are drawn, not instances, because
 /// the errors in one scene depend on each other (four frames of ours show one layout). Images are drawn where scenes are
 /// too few.
-pub(super) fn bootstrap<T: Clone>(
-    cases: &[Case],
-    value: impl Fn(&Case) -> T,
+pub(super) fn bootstrap<C: InImage, T: Clone>(
+    cases: &[C],
+    value: impl Fn(&C) -> T,
     statistic: impl Fn(&[T]) -> f64,
 ) -> [f64; 2] {
-    let scenes: BTreeSet<u32> = cases.iter().map(|case| case.scene_id).collect();
+    let scenes: BTreeSet<u32> = cases.iter().map(|case| case.image().0).collect();
     let mut groups: BTreeMap<(u32, u32), Vec<T>> = BTreeMap::new();
     for case in cases {
-        let image = if scenes.len() < FEWEST_SCENES { case.im_id } else { 0 };
-        groups.entry((case.scene_id, image)).or_default().push(value(case));
+        let (scene_id, im_id) = case.image();
+        let image = if scenes.len() < FEWEST_SCENES { im_id } else { 0 };
+        groups.entry((scene_id, image)).or_default().push(value(case));
     }
     let groups: Vec<Vec<T>> = groups.into_values().collect();
     if groups.is_empty() {
@@ -298,7 +357,8 @@ mod tests {
     use super::*;
 
     fn case(im_id: u32, add: f64, adds: f64, symmetric: bool) -> Case {
-        Case { scene_id: 1, im_id, obj_id: 1, score: None, add, adds, symmetric, diameter: 0.1 }
+        let challenge = PairErrors::MISSED;
+        Case { scene_id: 1, im_id, obj_id: 1, score: None, add, adds, challenge, symmetric, diameter: 0.1 }
     }
 
     #[test]
@@ -309,7 +369,7 @@ mod tests {
             case(2, f64::INFINITY, f64::INFINITY, false),
             case(3, 0.0, 0.0, false),
         ];
-        let f = figures(&cases);
+        let f = figures(cases.iter(), [].iter());
         assert_eq!((f.instances, f.estimated, f.median_adds_m), (4, 3, Some(0.0)));
         assert_eq!(f.auc_adds, [0.75, 0.75]);
         // Found: the symmetric one by ADD-S, and the exact one.

@@ -2,6 +2,7 @@
 
 mod accuracy;
 mod boxes;
+mod challenge;
 mod convergence;
 mod detection;
 mod estimates;
@@ -13,6 +14,7 @@ mod published;
 
 pub use accuracy::figure as accuracy_figure;
 pub use boxes::{Boxes, FileBox};
+pub use challenge::{Lacking, Recall};
 pub use convergence::{Contender, Convergence, Searches, quantile};
 pub use detection::{DetectionFigures, MOST_BOXES, ObjectImage, measure, truth_boxes};
 pub use estimates::{Estimated, Run};

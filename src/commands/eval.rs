@@ -9,7 +9,8 @@ use serde_json::{Value, json};
 
 use super::Done;
 use crate::benchmark::{
-    Area, Case, Evaluation, Figures, METHODS, PaperTable, Presence, accuracy_figure, evaluate,
+    Area, Case, Evaluation, Figures, Lacking, METHODS, PaperTable, Presence, Recall, accuracy_figure,
+    evaluate,
 };
 use crate::cli::EvalArgs;
 use crate::{output, plot};
@@ -44,6 +45,9 @@ pub fn run(args: &EvalArgs) -> Result<Done> {
                 if many { format!("{}: ", results.display()) } else { String::new() },
                 evaluation.ignored
             ));
+        }
+        if let Some(text) = lacking(&evaluation.lacking) {
+            output::message(format_args!("{text}"));
         }
         if args.json {
             summaries.push(summary(args, &dataset, results, &evaluation, paper.as_ref())?);
@@ -99,6 +103,7 @@ fn summary(
         "all": evaluation.all,
         "objects": evaluation.objects,
         "conditions": evaluation.conditions,
+        "lacking": evaluation.lacking,
         "presence": evaluation.presence,
     });
     if let Some(paper) = paper {
@@ -123,6 +128,7 @@ fn print(evaluation: &Evaluation, paper: Option<&PaperTable>) -> Result<()> {
         "ADD(-S) AUC 10 cm",
         "< 0.1 d",
         "median ADD-S mm",
+        "AR",
     ];
     let rows = evaluation
         .objects
@@ -130,8 +136,36 @@ fn print(evaluation: &Evaluation, paper: Option<&PaperTable>) -> Result<()> {
         .map(|(id, figures)| row(&format!("object {id}"), figures))
         .chain(evaluation.conditions.iter().map(|(name, figures)| row(&format!("view {name}"), figures)))
         .chain([row("all", &evaluation.all)]);
-    output::data(format_args!("{}", output::table(header, &[1, 2, 3, 4, 5, 6, 7, 8, 9, 10], rows)))?;
+    output::data(format_args!("{}", output::table(header, &[1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11], rows)))?;
+    output::data(format_args!("{}", recall(&evaluation.all.bop)))?;
     output::data(format_args!("{}", confidences(&evaluation.presence)))
+}
+
+/// Which of the BOP challenge's figures there are not, and why.
+fn lacking(lacking: &Lacking) -> Option<String> {
+    let Lacking { images, depth, width } = *lacking;
+    let mut text = Vec::new();
+    if depth > 0 {
+        text.push(format!(
+            "{depth} of {images} images have no depth picture (depth/NNNNNN.png): no VSD where they count, and no AR"
+        ));
+    }
+    if width > 0 {
+        text.push(format!(
+            "{width} of {images} images have no picture at all, and there is no camera.json to tell their width: no MSPD where \
+             they count, and no AR"
+        ));
+    }
+    (!text.is_empty()).then(|| text.join("\n"))
+}
+
+/// The average recall and what it is the mean of, in a line.
+fn recall(recall: &Recall) -> String {
+    let average = &recall.average;
+    let range = recall.ar_interval.map_or_else(String::new, |range| format!(" ({})", interval(range)));
+    let [ar, vsd, mspd] = [average.ar, average.ar_vsd, average.ar_mspd].map(share);
+    let mssd = percent(average.ar_mssd);
+    format!("BOP challenge: average recall AR {ar}{range}, mean of VSD {vsd}, MSSD {mssd} and MSPD {mspd}")
 }
 
 /// What the confidences are worth, in a line or two.
@@ -154,7 +188,7 @@ fn confidences(p: &Presence) -> String {
     text
 }
 
-fn row(name: &str, f: &Figures) -> [String; 11] {
+fn row(name: &str, f: &Figures) -> [String; 12] {
     [
         name.to_owned(),
         f.instances.to_string(),
@@ -167,7 +201,12 @@ fn row(name: &str, f: &Figures) -> [String; 11] {
         percent(f.auc_add_or_adds[1]),
         percent(f.found),
         f.median_adds_m.map_or_else(|| "-".to_owned(), |m| format!("{:.1}", 1e3 * m)),
+        share(f.bop.average.ar),
     ]
+}
+
+fn share(share: Option<f64>) -> String {
+    share.map_or_else(|| "-".to_owned(), percent)
 }
 
 fn percent(share: f64) -> String {
@@ -184,11 +223,10 @@ fn print_paper(table: &PaperTable) -> Result<()> {
         let title = format!("{} ({})", group.name, group.views.join(", "));
         let header = [&title, "metric", "instances", "AUC 4 cm", "95 %", &grip, &posecnn, &dope];
         let row = |name: &str, metric: &str, area: &Area| {
-            let shown = |share: Option<f64>| share.map_or_else(|| "-".to_owned(), percent);
-            let [dope, posecnn, grip] = area.published.map(shown);
+            let [dope, posecnn, grip] = area.published.map(share);
             let range = area.interval.map_or_else(|| "-".to_owned(), interval);
             let instances = area.instances.to_string();
-            [name.to_owned(), metric.to_owned(), instances, shown(area.auc), range, grip, posecnn, dope]
+            [name.to_owned(), metric.to_owned(), instances, share(area.auc), range, grip, posecnn, dope]
         };
         let overall = format!("overall: {} of {} objects", group.overall.objects, group.objects.len());
         let rows = group.objects.iter().map(|r| row(r.object, r.metric, &r.area));

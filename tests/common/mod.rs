@@ -65,7 +65,9 @@ pub fn python(script: &str, modules: &str, args: &[&Path]) {
         println!("SKIPPED: no python3 with {modules}");
         return;
     }
+    // Without -B Python leaves what it compiled among the sources.
     let output = Command::new("python3")
+        .arg("-B")
         .arg(root().join("tests").join(script))
         .args(args)
         .output()

@@ -54,6 +54,6 @@ pub use format::{
 };
 pub use gt_info::gt_info;
 pub use models::{export_evaluation_models, export_models};
-pub use read::{BopFrame, Dataset, GroundTruth};
+pub use read::{BopFrame, BopView, Dataset, GroundTruth};
 pub use staging::write_atomic;
 pub use write::{EncodedFrame, FrameFiles, ObjectInFrame, SceneWriter, encode_frame};

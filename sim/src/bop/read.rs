@@ -1,6 +1,8 @@
 //! A data set on disk. Opening looks at folder names only; files are read when they are asked for, and the JSON files of a
 //! scene are kept.
 
+mod view;
+
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -16,6 +18,10 @@ use crate::mesh::Visual;
 use crate::objects::mesh_io;
 use crate::pose::{Camera, Object, Pose, World};
 use crate::{Error, Result};
+
+use view::{camera, depth_path, in_camera_file, read_depth};
+
+pub use view::BopView;
 
 /// Splits in the order in which one is chosen when none is asked for; any other comes after these, by name.
 const SPLITS: [&str; 6] = ["test", "val", "train", "train_pbr", "train_real", "train_synt"];
@@ -221,19 +227,13 @@ impl Dataset {
     pub fn frame(&self, scene_id: u32, im_id: u32) -> Result<BopFrame> {
         let scene = self.scene(scene_id)?;
         let folder = self.scene_folder(scene_id);
-        let path = folder.join("scene_camera.json");
-        let camera = scene.camera.get(&im_id).ok_or_else(|| {
-            Error::invalid(&path, format!("has no image {im_id}; it has {}", span(scene.camera.keys())))
-        })?;
-        let in_image = |message: String| Error::invalid(&path, format!("image {im_id}, {message}"));
-        if camera.depth_scale <= 0.0 {
-            return Err(in_image(format!("depth_scale = {}: must be positive", camera.depth_scale)));
-        }
+        let camera = camera(&folder, &scene, im_id)?;
+        let in_image = |message: String| in_camera_file(&folder, im_id, &message);
         let rgb_path = rgb_path(&folder, im_id)?;
         let rgb = pictures::read_rgb(&rgb_path)?;
         let size = [rgb.width() as usize, rgb.height() as usize];
-        let depth_path = folder.join(format!("depth/{im_id:06}.png"));
-        let depth = pictures::read_depth(&depth_path, camera.depth_scale)?;
+        let depth_path = depth_path(&folder, im_id);
+        let depth = read_depth(&folder, im_id, camera)?;
         same_size(&depth_path, [depth.width(), depth.height()], &rgb_path, size)?;
         Ok(BopFrame {
             scene_id,

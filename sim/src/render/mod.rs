@@ -6,6 +6,7 @@
 mod bvh;
 mod check;
 pub mod cpu;
+mod object_depth;
 mod occlusion;
 mod pyramid;
 mod shading;
@@ -27,6 +28,7 @@ use crate::mesh::Visual;
 use crate::pose::{Camera, Pose, World};
 use crate::scene::Table;
 
+pub use self::object_depth::{ObjectDepth, object_depth};
 pub use self::shading::MAX_LIGHTS;
 pub use self::silhouette::{Silhouette, silhouette};
 pub use self::surroundings::{Furniture, Surroundings, furniture};

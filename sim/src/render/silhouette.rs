@@ -68,7 +68,7 @@ pub fn silhouette(
 
 /// Marks the pixels whose centres (at whole numbers) lie in or on a triangle, row by row. Corners are column, row and inverse
 /// depth, which is linear in the image.
-fn cover(nearest: &mut Image<f32>, corners: [[f64; 3]; 3]) {
+pub(super) fn cover(nearest: &mut Image<f32>, corners: [[f64; 3]; 3]) {
     let rows = |pick: fn(f64, f64) -> f64| corners[1..].iter().fold(corners[0][1], |y, c| pick(y, c[1]));
     let first = rows(f64::min).ceil().max(0.0) as usize;
     let last = rows(f64::max).floor().min(nearest.height() as f64 - 1.0);

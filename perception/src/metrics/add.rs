@@ -1,7 +1,4 @@
-//! Pose metrics as the field defines them: ADD and ADD-S (Hinterstoisser 2012, PoseCNN) and the area under the
-//! accuracy-threshold curve.
-//!
-//! Pure functions of two poses; who compares belief with truth is not this crate's business.
+//! ADD and ADD-S: mean distances of model points (Hinterstoisser 2012, PoseCNN).
 
 use grip_sim::pose::{Camera, Object, Pose};
 use nalgebra::Point3;
@@ -52,7 +49,8 @@ pub fn add(points: &[Point3<f64>], truth: &Pose<Camera, Object>, estimate: &Pose
 }
 
 /// ADD-S, metres: for each model point under the true pose the distance to the nearest one under the estimate, mean.
-/// Brute force: quadratic in the number of points, so sample them down to 1000 with [`sample_points`]. 0 for no points.
+/// Brute force: quadratic in the number of points, so sample them down to 1000 with
+/// [`sample_points`](super::sample_points). 0 for no points.
 pub fn adds(points: &[Point3<f64>], truth: &Pose<Camera, Object>, estimate: &Pose<Camera, Object>) -> f64 {
     let moved: Vec<Point3<f64>> = points.iter().map(|p| estimate.transform_point(p)).collect();
     let sum: f64 = points
@@ -63,26 +61,6 @@ pub fn adds(points: &[Point3<f64>], truth: &Pose<Camera, Object>, estimate: &Pos
         })
         .sum();
     sum / points.len().max(1) as f64
-}
-
-/// At most `count` of `points`, evenly spaced in their order.
-pub fn sample_points(points: &[Point3<f32>], count: usize) -> Vec<Point3<f64>> {
-    let take = count.min(points.len());
-    (0..take).map(|i| points[i * points.len() / take].cast()).collect()
-}
-
-/// Area under the accuracy-threshold curve from 0 to `threshold`, normalised to 0 .. 1: the mean of
-/// `max(0, 1 - error / threshold)`. Errors over the threshold, infinite and NaN ones (a miss) give nothing. 0 for no errors
-/// or a threshold that is not positive.
-///
-/// PoseCNN's toolbox gives each step of the curve the height at its right end (PASCAL VOC's area), which is more by up to
-/// one over the number of errors: nothing for thousands, but 1 for a single error of any size under the threshold.
-pub fn auc(errors: &[f64], threshold: f64) -> f64 {
-    if errors.is_empty() || !(threshold > 0.0 && threshold.is_finite()) {
-        return 0.0;
-    }
-    // `max` takes 0 over NaN.
-    errors.iter().map(|error| (1.0 - error / threshold).max(0.0)).sum::<f64>() / errors.len() as f64
 }
 
 #[cfg(test)]
@@ -139,29 +117,5 @@ mod tests {
             let b = Pose::from_xyz_rpy([x.sin(), 0.1 * x, 0.0], [x, 2.0 * x, 0.3]);
             assert!(adds(&cube(), &Pose::identity(), &b) <= add(&cube(), &Pose::identity(), &b) + 1e-12);
         }
-    }
-
-    #[test]
-    fn area_under_the_curve_closed_form() {
-        assert_eq!(auc(&[], 0.04), 0.0);
-        assert_eq!(auc(&[0.05, f64::NAN, f64::INFINITY], 0.04), 0.0);
-        assert_eq!(auc(&[0.0, 0.0], 0.04), 1.0);
-        // Two of four found, at 1 cm and 3 cm: (3/4 + 1/4) / 4.
-        let area = auc(&[0.03, 0.01, f64::INFINITY, f64::NAN], 0.04);
-        assert!((area - 0.25).abs() < 1e-12, "{area}");
-        // Many evenly spread errors: a half.
-        let spread: Vec<f64> = (0..10_000).map(|i| f64::from(i) * 0.04e-4).collect();
-        assert!((auc(&spread, 0.04) - 0.5).abs() < 1e-3);
-    }
-
-    #[test]
-    fn samples_evenly_and_never_more_than_there_are() {
-        let points: Vec<Point3<f32>> = (0..100).map(|i| Point3::new(i as f32, 0.0, 0.0)).collect();
-        assert_eq!(
-            sample_points(&points, 4).iter().map(|p| p.x).collect::<Vec<_>>(),
-            [0.0, 25.0, 50.0, 75.0]
-        );
-        assert_eq!(sample_points(&points, 1000).len(), 100);
-        assert!(sample_points(&[], 10).is_empty());
     }
 }
