@@ -234,7 +234,10 @@ fn poses_of_others_pack_what_their_frames_show() {
     let pack = |out: &str| {
         let output =
             grip(&["pack", scene, "--seed", "3", "--estimator", &estimator, "--bop", "--json", "--out", out]);
-        (code(&output), serde_json::from_str::<Value>(&stdout(&output)).expect(&stderr(&output)))
+        (
+            code(&output),
+            serde_json::from_str::<Value>(&stdout(&output)).unwrap_or_else(|_| panic!("{}", stderr(&output))),
+        )
     };
     let (exit, nothing) = pack(&first);
     assert_eq!((exit, &nothing["packed"]), (1, &Value::from(0)), "{nothing}");

@@ -155,6 +155,7 @@ impl Bin {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::shape::Convex;
 
     const TABLE_HEIGHT: f64 = 0.6;
 

@@ -39,8 +39,8 @@ impl Share {
 /// A logistic curve of the chance to hold over an error that grows from 0.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Fall {
-    /// Intercept and slope.
-    pub coefficients: [f64; 2],
+    /// The curve.
+    pub model: Logistic,
     /// Where the chance falls to a half, metres or radians; none within the errors that were tried.
     pub d50: Option<f64>,
     /// Its interval, 95 %, by a bootstrap that draws layouts; an end that lies beyond the errors tried is none.
@@ -77,17 +77,16 @@ impl Fall {
         drawn.sort_by(f64::total_cmp);
         let at = |q: f64| within(Some(drawn[(q * (RESAMPLES - 1) as f64).round() as usize]));
         Some(Self {
-            coefficients: [whole.coefficients[0], whole.coefficients[1]],
             d50: within(whole.falls_to(0.5)),
             d50_interval: [at(0.025), at(0.975)],
             d90: within(whole.falls_to(0.9)),
+            model: whole,
         })
     }
 
     /// The chance to hold under an error of this size.
     pub fn chance(&self, x: f64) -> f64 {
-        let [intercept, slope] = self.coefficients;
-        1.0 / (1.0 + (-(intercept + slope * x)).exp())
+        self.model.probability(&[x])
     }
 }
 

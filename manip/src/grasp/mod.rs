@@ -1,6 +1,5 @@
 //! Ranks an object's antipodal grasps in the believed scene.
 
-use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, MutexGuard};
 
@@ -12,13 +11,15 @@ use nalgebra::{Isometry3, Point3, Translation3, Vector3};
 use serde::Serialize;
 use sha2::{Digest, Sha256};
 
-use crate::antipodal::{
-    AntipodalSettings, GraspCandidate, Look, antipodal_grasps, grasp_at, narrow_opening, pad_contact,
-};
+use crate::antipodal::{AntipodalSettings, GraspCandidate, antipodal_grasps, grasp_at, narrow_opening};
 use crate::belief::{BeliefScene, BelievedObject};
 use crate::collision::{Body, CollisionChecker, CollisionPair, Margins, Query, RobotSolids};
 use crate::expected::expected_success;
 use crate::surface::Surface;
+
+mod oriented;
+
+use oriented::{Scored, oriented};
 
 /// A grasp of a believed object in the scene.
 #[derive(Debug, Clone, Serialize)]
@@ -339,68 +340,12 @@ pub fn rank_grasps(
     settings: &GraspSettings,
 ) -> (Vec<Grasp>, GraspCounters) {
     let object = &belief.objects[target];
-    let world_from_object = object.world_from_object;
     let base_from_world = belief.world_from_base.iso().inverse();
-    let com = world_from_object.transform_point(&grasps.center_of_mass);
     let w = &settings.weights;
     let pad = gripper.pad_half_extents;
-    let mut counters = GraspCounters { candidates: grasps.candidates.len(), ..Default::default() };
-
-    // How far the open fingers of a grasp reach below where they may, metres; none for a grasp from the side or from below.
-    let too_low = |candidate: &GraspCandidate| {
-        let world_from_gripper = world_from_object * candidate.object_from_gripper;
-        let axis = |v: Vector3<f64>| world_from_gripper.transform_vector(&v);
-        let (approach, closing, side) = (axis(Vector3::x()), axis(Vector3::y()), axis(Vector3::z()));
-        let outer = 0.5 * candidate.width + 0.012 + 2.0 * pad.y;
-        let low = world_from_gripper.translation().z
-            - approach.z.abs() * pad.x
-            - closing.z.abs() * outer
-            - side.z.abs() * pad.z;
-        (-approach.z >= settings.least_down).then_some(belief.table_height + settings.margin - low)
-    };
-    let score = |candidate: &GraspCandidate| {
-        let world_from_gripper = world_from_object * candidate.object_from_gripper;
-        let down = -world_from_gripper.transform_vector(&Vector3::x()).z;
-        let center = world_from_gripper.transform_point(&Point3::new(candidate.contact_depth, 0.0, 0.0));
-        let lever = (com - center).xy().norm();
-        let sigma = 2.0 * object.position_std_m.max(0.001);
-        let room = 0.5 * (gripper.opening - candidate.width);
-        let score = w.gravity * down
-            + w.lever * (1.0 - lever / 0.06).clamp(-1.0, 1.0)
-            + w.room * (room / (3.0 * sigma)).min(1.0)
-            // A third of the pad is what a can gives.
-            + w.contact * (candidate.contact_share / 0.34).min(1.0)
-            + w.spread * (candidate.contact_spread / 0.003).min(1.0)
-            + w.depth * (1.0 - candidate.contact_depth.abs() / pad.x)
-            + w.cone * candidate.cone_angle.cos();
-        (score, lever, world_from_gripper)
-    };
-    let mut scored: Vec<(f64, f64, Cow<'_, GraspCandidate>, Pose<World, Gripper>)> = Vec::new();
-    let mut low: Vec<(f64, &GraspCandidate)> = Vec::new();
-    for candidate in &grasps.candidates {
-        match too_low(candidate) {
-            Some(by) if by > 0.0 => low.push((by, candidate)),
-            Some(_) => {
-                let (score, lever, at) = score(candidate);
-                scored.push((score, lever, Cow::Borrowed(candidate), at));
-            }
-            None => {}
-        }
-    }
-    // What lies flat is grasped by the fingertips: with few other grasps, those that reach too low are drawn back.
-    if let Some(surface) = grasps.surface.as_ref().filter(|_| scored.len() < settings.keep) {
-        low.sort_by(|a, b| a.0.total_cmp(&b.0));
-        let raised = low.iter().take(RAISED).filter_map(|(by, candidate)| {
-            let raised = drawn_back(candidate, *by, &world_from_object, surface, grasps.cone, gripper)?;
-            too_low(&raised).is_some_and(|by| by <= 0.0).then_some(raised)
-        });
-        for candidate in raised {
-            let (score, lever, at) = score(&candidate);
-            scored.push((score, lever, Cow::Owned(candidate), at));
-        }
-    }
-    counters.oriented = scored.len();
-    scored.sort_by(|a, b| b.0.total_cmp(&a.0));
+    let scored = oriented(grasps, belief, target, gripper, settings);
+    let mut counters =
+        GraspCounters { candidates: grasps.candidates.len(), oriented: scored.len(), ..Default::default() };
 
     let allowed = hand_may_touch(checker.robot(), target);
     let query = Query {
@@ -409,7 +354,7 @@ pub fn rank_grasps(
         margins: Margins { world: settings.margin, own: 0.0, spread: settings.spread },
     };
     let mut kept: Vec<Grasp> = Vec::new();
-    for (score, lever, candidate, world_from_gripper) in scored {
+    for Scored { score, lever, candidate, world_from_gripper } in scored {
         // A bound on the work in hopeless clutter.
         if kept.len() >= settings.keep || counters.tried >= 1500 {
             break;
@@ -457,43 +402,6 @@ pub fn rank_grasps(
     }
     kept.sort_by(|a, b| b.score.total_cmp(&a.score));
     (kept, counters)
-}
-
-/// Grasps that are drawn back at most, and what of the pads must stay on the object, metres.
-const RAISED: usize = 200;
-const FINGERTIPS: f64 = 0.003;
-
-/// The same grasp with the hand `by` higher, along its approach; none when it does not hold the object there.
-fn drawn_back(
-    candidate: &GraspCandidate,
-    by: f64,
-    world_from_object: &Pose<World, Object>,
-    surface: &Surface,
-    cone: f64,
-    gripper: &GripperConfig,
-) -> Option<GraspCandidate> {
-    // A hair more, for the grasp is centred again.
-    const SPARE: f64 = 2e-4;
-    let pad = &gripper.pad_half_extents;
-    let down = -(*world_from_object * candidate.object_from_gripper).transform_vector(&Vector3::x()).z;
-    let back = (by + SPARE) / down;
-    if candidate.contact_depth + back > pad.x - FINGERTIPS {
-        return None;
-    }
-    let mut pose = candidate.object_from_gripper.iso() * Translation3::new(-back, 0.0, 0.0);
-    let opening = narrow_opening(candidate.width, gripper);
-    let contact = pad_contact(surface, pad, &pose, opening, Look::Fine).filter(|c| c.cone_angle <= cone)?;
-    pose.translation.vector += pose.rotation * Vector3::y() * contact.center;
-    Some(GraspCandidate {
-        object_from_gripper: Pose::new(pose),
-        width: contact.width,
-        contact_share: contact.share,
-        cone_angle: contact.cone_angle,
-        contact_depth: contact.depth,
-        contact_spread: contact.spread,
-        // The hand was clear nearer to the object.
-        fits_wide: candidate.fits_wide,
-    })
 }
 
 /// Closer than 8 mm and 12 degrees: if one is out of reach, so is the other.
