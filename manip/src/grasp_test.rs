@@ -15,6 +15,8 @@ const LIFT: f64 = 0.12;
 /// limits for carrying bound the acceleration, as on the way to the bin.
 const SHAKE: f64 = 0.03;
 const SHAKE_SPEED: f64 = 0.5;
+/// Configurations of the arm at the grasp that are tried.
+const SOLUTIONS: usize = 8;
 /// A guarded approach that stops with less than this left has arrived, metres.
 const NEAR: f64 = 0.02;
 
@@ -91,7 +93,8 @@ impl Planner {
         let open = self.with_fingers(near, grasp.opening);
         let mut pregrasp = *base_from_gripper;
         pregrasp.translation.vector -= base_from_gripper * Vector3::x() * settings.grasp.standoff;
-        solver.solutions(base_from_gripper, &open, settings.ik_seeds, 3, |_| true).into_iter().find_map(|q| {
+        let solutions = solver.solutions(base_from_gripper, &open, settings.ik_seeds, SOLUTIONS, |_| true);
+        solutions.into_iter().find_map(|q| {
             let approach = straight_line(solver, &q, &pregrasp, |_, _| None).ok()?.reversed();
             let closed = self.with_fingers(&q, grasp.width);
             let lift = translate(solver, &closed, Vector3::z() * LIFT, |_, _| None).ok()?;

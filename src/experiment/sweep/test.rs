@@ -4,12 +4,13 @@ use std::sync::Arc;
 
 use anyhow::{Result, bail};
 use grip_manip::executor::{ExecStage, ExecutorSettings, Observer, StepReport, execute_steps};
+use grip_manip::grasp_test::GraspTest;
 use grip_manip::{BeliefScene, BelievedObject, Grasp, StepName};
 use grip_perception::metrics;
 use grip_sim::objects::ObjectModel;
 use grip_sim::physics::World;
 use grip_sim::pose::{Object, Pose, World as WorldFrame};
-use nalgebra::Point3;
+use nalgebra::{Isometry3, Point3};
 use serde::{Deserialize, Serialize};
 
 use super::{GraspLine, Sweep};
@@ -92,8 +93,14 @@ impl Layout {
             match sweep.planner.choose_grasp(&belief, 0, &setup.start, only) {
                 Ok(grasp) => {
                     let points = model_points(&model);
-                    let object = object.to_owned();
-                    return Ok(Self { object, seed, setup, model, points, world_from_object, belief, grasp });
+                    let (object, model) = (object.to_owned(), model.clone());
+                    let layout =
+                        Self { object, seed, setup, model, points, world_from_object, belief, grasp };
+                    // A layout at whose edge the arm cannot lift and shake says nothing about grasps.
+                    if layout.plan(sweep, layout.grasp.world_from_gripper.iso()).is_some() {
+                        return Ok(layout);
+                    }
+                    reason = "the arm does not reach the lift and the shake".into();
                 }
                 Err(failure) => {
                     log::debug!("{failure} at {world_from_object:?}: {:?}", failure.counters);
@@ -131,12 +138,7 @@ impl Layout {
             slip_m: 0.0,
             slip_deg: 0.0,
         };
-        let base_from_world = self.belief.world_from_base.iso().inverse();
-        let planner = &sweep.planner;
-        let reach = |goal| {
-            planner.plan_grasp_test(&self.belief, 0, &self.grasp, goal, &self.setup.start, sweep.force_n)
-        };
-        let Some(test) = reach(&(base_from_world * displaced)) else { return Ok(line) };
+        let Some(test) = self.plan(sweep, &displaced) else { return Ok(line) };
 
         let setup = &self.setup;
         let mut world = World::new(&setup.scene, setup.robot.clone(), &setup.config, test.start.clone())?;
@@ -174,6 +176,13 @@ impl Layout {
             None => GraspOutcome::Held,
         };
         Ok(line)
+    }
+
+    /// What to do to try the grasp with the hand at `world_from_gripper`; none where the arm does not reach.
+    fn plan(&self, sweep: &Sweep, world_from_gripper: &Isometry3<f64>) -> Option<GraspTest> {
+        let base_from_gripper = self.belief.world_from_base.iso().inverse() * world_from_gripper;
+        let near = &self.setup.start;
+        sweep.planner.plan_grasp_test(&self.belief, 0, &self.grasp, &base_from_gripper, near, sweep.force_n)
     }
 
     /// Errors of poses do not depend on where the camera is.
