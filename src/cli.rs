@@ -175,7 +175,7 @@ pub struct TrialsArgs {
     /// Go on with the experiment in the folder.
     #[arg(long)]
     pub resume: bool,
-    /// Run only every N-th trial, beginning with the I-th; `grip merge` puts the shards together.
+    /// Run only every N-th seed, beginning with the I-th; `grip merge` puts the shards together.
     #[arg(long, value_name = "I/N")]
     pub shard: Option<Shard>,
     /// Print the figures as one JSON object on stdout.
@@ -241,7 +241,8 @@ pub struct SweepArgs {
     /// Which grasp is tried: `planned`, the planner's choice at each layout, or `fixed`, one for each object.
     #[arg(long, value_enum, default_value_t = Strategy::Planned)]
     pub grasp: Strategy,
-    /// Coulomb friction of the objects in place of their own.
+    /// Coulomb friction of the objects in place of their own: against the table, and against the pads, whose own of 0.9 counts
+    /// half. The force that is taken by default follows it.
     #[arg(long, value_name = "MU")]
     pub friction: Option<f64>,
     /// Force of each finger, newtons, in place of what weight and friction need.
@@ -299,7 +300,7 @@ impl From<GraspAt> for grip_manip::GraspAt {
 /// Which robot, where no scene says it.
 #[derive(Debug, Args)]
 pub struct RobotFile {
-    /// URDF [default: robots/fetch/fetch.urdf].
+    /// URDF [default: the scene's; robots/fetch/fetch.urdf where there is none].
     #[arg(long, value_name = "URDF")]
     pub robot: Option<PathBuf>,
     /// Where `package://` meshes are looked up; may be given more than once.

@@ -10,6 +10,7 @@ use grip_sim::bop::results::{Estimate, read_results};
 use grip_sim::frame::CameraFrame;
 use grip_sim::objects::ObjectModel;
 use grip_sim::physics::World;
+use grip_sim::pose::{Camera, Pose, World as WorldFrame};
 use serde_json::{Value, json};
 use sha2::{Digest, Sha256};
 
@@ -64,25 +65,36 @@ impl Recorded {
         Ok(Self { path: path.to_path_buf(), sha256: hex(&Sha256::digest(bytes)), by_look })
     }
 
+    /// Whether the file has a row for a trial with this seed.
+    pub fn knows(&self, seed: u64) -> bool {
+        self.by_look.range((seed, 0)..=(seed, usize::MAX)).next().is_some()
+    }
+
     /// The best scored pose of each of the objects `which` that the file has one of. A pose in the file is believed: scores
     /// rank, and no more.
     fn look(
         &self,
         seed: u64,
         look: usize,
+        cameras: &[Pose<WorldFrame, Camera>],
         models: &[Arc<ObjectModel>],
         which: &[usize],
     ) -> (Vec<usize>, Vec<PosePosterior>) {
         let known = self.by_look.range((seed, 0)..=(seed, look)).next_back();
-        let rows = known.map_or([].as_slice(), |(_, rows)| rows.as_slice());
+        let Some((&(_, of_look), rows)) = known else { return Default::default() };
+        // The camera may stand elsewhere than when the file's image was taken.
+        let now_from_then = cameras[look].iso().inverse() * cameras[of_look].iso();
         let best = |i: usize| {
             let of = rows.iter().filter(|row| row.obj_id == models[i].info.bop_id);
             of.max_by(|a, b| a.score.total_cmp(&b.score))
         };
         let found = which.iter().filter_map(|&i| {
             let row = best(i)?;
-            let mut posterior = PosePosterior::certain(&models[i].info.name, row.camera_from_object);
-            posterior.seconds = row.time_s.unwrap_or(0.0);
+            let pose = Pose::new(now_from_then * row.camera_from_object.iso());
+            let mut posterior = PosePosterior::certain(&models[i].info.name, pose);
+            // A file's time is that of the whole image, and what is kept takes none.
+            let share = 1.0 / rows.len() as f64;
+            posterior.seconds = if of_look == look { share * row.time_s.unwrap_or(0.0) } else { 0.0 };
             Some((i, posterior))
         });
         found.unzip()
@@ -111,6 +123,14 @@ impl Perception {
         }
     }
 
+    /// The results file, if it is one.
+    pub fn recorded(&self) -> Option<&Recorded> {
+        match self {
+            Self::Recorded(file) => Some(file),
+            _ => None,
+        }
+    }
+
     /// For scenario.json: what the results depend on.
     pub fn description(&self) -> Value {
         match self {
@@ -136,7 +156,8 @@ impl Perception {
         }
     }
 
-    /// Estimates the objects `which` in the frame of look number `look`: the objects that there are estimates of, and those.
+    /// Estimates the objects `which` in the frame of look number `look`, `cameras` being where the camera was at each look until
+    /// now: the objects that there are estimates of, and those.
     ///
     /// # Errors
     /// When detector or estimator fail.
@@ -145,9 +166,10 @@ impl Perception {
         setup: &Setup,
         world: &World,
         frame: &CameraFrame,
+        cameras: &[Pose<WorldFrame, Camera>],
         which: &[usize],
-        look: usize,
     ) -> Result<(Vec<usize>, Vec<PosePosterior>)> {
+        let look = cameras.len() - 1;
         match self {
             Self::Grip { detector, table, .. } => {
                 let models = models(setup, which);
@@ -157,7 +179,7 @@ impl Perception {
                 Ok((which.to_vec(), posteriors))
             }
             Self::Truth => Ok((which.to_vec(), truth(world, frame, which))),
-            Self::Recorded(file) => Ok(file.look(setup.seed, look, &setup.models, which)),
+            Self::Recorded(file) => Ok(file.look(setup.seed, look, cameras, &setup.models, which)),
         }
     }
 

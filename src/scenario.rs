@@ -4,6 +4,7 @@ use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result};
+use grip_sim::mesh::Visual;
 use grip_sim::objects::ObjectModel;
 use grip_sim::robot::RobotModel;
 use serde_json::{Value, json};
@@ -37,11 +38,7 @@ impl Scenario {
     /// # Errors
     /// When a file of grasps cannot be read.
     pub fn new(setup: &Setup, perception: &Perception, items: usize, options: &Options) -> Result<Self> {
-        let objects: Vec<Value> = setup
-            .models
-            .iter()
-            .map(|model| json!({ "info": model.info, "sha256": mesh_digest(model) }))
-            .collect();
+        let objects: Vec<Value> = setup.models.iter().map(|model| object(model)).collect();
         let grasps = match &options.grasps {
             Some(folder) => json!({ "path": folder, "sha256": grasps_digest(folder, &setup.models)? }),
             None => Value::Null,
@@ -57,12 +54,7 @@ impl Scenario {
             "object_set": setup.library.set().label(),
             "renderer": options.renderer,
             "hypotheses": setup.hypotheses.to_string(),
-            "robot": {
-                "name": setup.robot.name(),
-                "path": setup.robot.source(),
-                "sha256": robot_digest(&setup.robot),
-                "settings": format!("{:?}", setup.config),
-            },
+            "robot": robot(setup),
             "objects": objects,
             "intrinsics": setup.intrinsics,
             "condition": setup.condition,
@@ -93,6 +85,21 @@ impl Scenario {
     }
 }
 
+/// What is known of an object, and the digest of its shape and looks.
+pub fn object(model: &ObjectModel) -> Value {
+    json!({ "info": model.info, "sha256": mesh_digest(model) })
+}
+
+/// The robot: its name, where it was read, and digests of what is in it.
+pub fn robot(setup: &Setup) -> Value {
+    json!({
+        "name": setup.robot.name(),
+        "path": setup.robot.source(),
+        "sha256": robot_digest(&setup.robot),
+        "settings": format!("{:?}", setup.config),
+    })
+}
+
 /// Bytes as text.
 pub fn hex(bytes: &[u8]) -> String {
     bytes.iter().fold(String::new(), |mut text, byte| {
@@ -101,26 +108,43 @@ pub fn hex(bytes: &[u8]) -> String {
     })
 }
 
-/// Of an object's shape; its other properties are written out.
+/// Of an object's shape and looks; its other properties are written out.
 fn mesh_digest(model: &ObjectModel) -> String {
     let mut hasher = Sha256::new();
-    for p in &model.visual.mesh.positions {
-        p.iter().for_each(|v| hasher.update(v.to_le_bytes()));
-    }
-    for t in &model.visual.mesh.triangles {
-        t.iter().for_each(|i| hasher.update(i.to_le_bytes()));
-    }
+    add_visual(&mut hasher, &model.visual);
+    hasher.update(format!("{:?}", model.collision));
     hex(&hasher.finalize())
 }
 
-/// Of the robot's kinematics and solids.
+/// Of the robot's kinematics, solids and looks.
 fn robot_digest(robot: &RobotModel) -> String {
     let mut hasher = Sha256::new();
     hasher.update(format!("{:?}", robot.joints()));
     for link in robot.links() {
         hasher.update(format!("{} {:?}", link.name, link.collisions));
+        for part in &link.visuals {
+            hasher.update(format!("{:?}", part.pose));
+            add_visual(&mut hasher, &part.visual);
+        }
     }
     hex(&hasher.finalize())
+}
+
+fn add_visual(hasher: &mut Sha256, visual: &Visual) {
+    let Visual { mesh, material } = visual;
+    let mut numbers = |values: &mut dyn Iterator<Item = f32>| {
+        values.for_each(|v| hasher.update(v.to_le_bytes()));
+    };
+    numbers(&mut mesh.positions.iter().flat_map(|p| [p.x, p.y, p.z]));
+    numbers(&mut mesh.normals.iter().flat_map(|n| [n.x, n.y, n.z]));
+    numbers(&mut mesh.uvs.iter().flatten().copied());
+    numbers(&mut material.base_color.into_iter().chain([material.roughness, material.metallic]));
+    mesh.colors.iter().for_each(|c| hasher.update(c));
+    mesh.finish.iter().for_each(|f| hasher.update(f));
+    mesh.triangles.iter().flatten().for_each(|i| hasher.update(i.to_le_bytes()));
+    if let Some(texture) = &material.texture {
+        hasher.update(texture.as_raw());
+    }
 }
 
 fn grasps_digest(folder: &Path, models: &[std::sync::Arc<ObjectModel>]) -> Result<String> {

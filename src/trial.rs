@@ -105,6 +105,7 @@ pub fn run(
 
     let mut ledgers = vec![Ledger::default(); setup.models.len()];
     let mut looks = Vec::new();
+    let mut cameras = Vec::new();
     let mut look = 0;
     let mut fruitless = 0;
     let mut handled = None;
@@ -127,9 +128,10 @@ pub fn run(
 
         // Look and estimate everything that is not believed to be in the bin.
         let (frame, _) = setup.capture(&world, renderer, look)?;
+        cameras.push(frame.world_from_camera);
         let asked: Vec<usize> =
             (0..ledgers.len()).filter(|&i| ledgers[i].believed_packed.is_none()).collect();
-        let (out, posteriors) = perception.look(setup, &world, &frame, &asked, look)?;
+        let (out, posteriors) = perception.look(setup, &world, &frame, &cameras, &asked)?;
         let mut errors = vec![None; ledgers.len()];
         for (&i, posterior) in out.iter().zip(&posteriors) {
             ledgers[i].estimate_s += posterior.seconds;

@@ -131,6 +131,14 @@ fn trials_killed_and_split_are_the_trials_undisturbed() {
     );
     common::python("check_items.py", "pyarrow", &[&whole]);
 
+    // A shard alone says that it is a part, and one folder twice is not two.
+    let part = at("part");
+    run(&["merge", paths[1], "--out", part.to_str().unwrap()]);
+    run(&["report", part.to_str().unwrap(), "--out", page.to_str().unwrap()]);
+    assert!(text(&page).contains("2 of 4 trials"));
+    let twice = error(&["report", paths[0], paths[0], "--out", at("y.html").to_str().unwrap()]);
+    assert!(twice.contains("more than one"), "{twice}");
+
     // What goes wrong is said.
     let has = error(&strs(&with(&whole, &[])));
     assert!(has.contains("--resume"), "{has}");
@@ -150,6 +158,7 @@ fn trials_killed_and_split_are_the_trials_undisturbed() {
     run(&["report", whole.to_str().unwrap(), "--out", page.to_str().unwrap()]);
     let html = text(&page);
     assert!(html.contains("<svg") && html.contains("4 trials") && html.contains("data:image/jpeg"));
+    assert!(!html.contains("are there; the others"), "nothing is missing");
     assert!(!html.contains("src='http") && !html.contains("href="));
     let items = text(&at("report.items.csv"));
     assert_eq!(items.lines().count(), 1 + 8);
@@ -208,6 +217,8 @@ fn what_cannot_be_run_is_said_by_name() {
         (vec!["sweep", "--range", "40"], "--range"),
         (vec!["sweep", "--range", "nan,4"], "--range"),
         (vec!["sweep", "--friction", "0"], "--friction"),
+        (vec!["sweep", "--force", "100"], "--force"),
+        (vec!["sweep", "--axes", "x,x"], "--axes"),
         (vec!["sweep", "--mode", "isotropic", "--axes", "x"], "--axes"),
         (vec!["sweep", "005_tomato_soup_can", "005_tomato_soup_can"], "twice"),
         (vec!["report", "docs"], "experiment.json"),

@@ -4,6 +4,7 @@ use nalgebra::{Isometry3, Vector3};
 
 use crate::belief::BeliefScene;
 use crate::cartesian::{CartesianPath, straight_line, translate};
+use crate::collision::{Body, CollisionChecker, Query};
 use crate::grasp::{Grasp, rank_grasps};
 use crate::pick::{Attempt, grip_force, joined};
 use crate::plan::{Action, GripperCommand, Guard, PlanFailure, PlanStage, PlanStep, StepName};
@@ -31,8 +32,8 @@ pub struct GraspTest {
 
 impl Planner {
     /// The grasp that would be chosen for the belief's object `target` if it went anywhere: the best one that the arm reaches,
-    /// approaches and lifts without collision from around `q_now`. With `only`, that grasp (the gripper in the object's frame)
-    /// or none.
+    /// approaches and lifts without collision from around `q_now`; and the configuration at it. With `only`, that grasp of the
+    /// object or none.
     ///
     /// # Errors
     /// The farthest stage that any grasp reached.
@@ -42,7 +43,7 @@ impl Planner {
         target: usize,
         q_now: &[f64],
         only: Option<&Grasp>,
-    ) -> Result<Grasp, PlanFailure> {
+    ) -> Result<(Grasp, Vec<f64>), PlanFailure> {
         let mut attempt = Attempt::new(self, belief, target, q_now);
         let fail = |attempt: Attempt<'_>, name: &str| {
             let Attempt { counters, failed: (stage, reason), .. } = attempt;
@@ -56,29 +57,33 @@ impl Planner {
             attempt.failed = problem;
             return Err(fail(attempt, &object.name));
         }
-        let known = self.grasps(&object.model);
-        let settings = &self.settings.grasp;
-        let gripper = &self.config.gripper;
-        let (grasps, counters) = rank_grasps(&known, belief, target, &attempt.checker, gripper, settings);
-        attempt.counters.grasps = counters;
-        let same = |grasp: &Grasp| {
-            only.is_none_or(|only| {
-                (grasp.object_from_gripper.translation() - only.object_from_gripper.translation()).norm()
-                    < 1e-6
-                    && grasp.object_from_gripper.angle_to(&only.object_from_gripper) < 1e-6
-            })
+        let grasps = match only {
+            Some(only) => {
+                let world_from_gripper = object.world_from_object * only.object_from_gripper;
+                vec![Grasp { world_from_gripper, ..only.clone() }]
+            }
+            None => {
+                let known = self.grasps(&object.model);
+                let settings = &self.settings.grasp;
+                let gripper = &self.config.gripper;
+                let (grasps, counters) =
+                    rank_grasps(&known, belief, target, &attempt.checker, gripper, settings);
+                attempt.counters.grasps = counters;
+                grasps
+            }
         };
-        for grasp in grasps.into_iter().filter(same).take(self.settings.tries[0]) {
+        for grasp in grasps.into_iter().take(self.settings.tries[0]) {
             if let Some(picked) = attempt.pick(grasp) {
-                return Ok(picked.grasp);
+                let q = picked.approach.end().to_vec();
+                return Ok((picked.grasp, q));
             }
         }
         Err(fail(attempt, &object.name))
     }
 
-    /// How to try `grasp` of an object with the gripper at `base_from_gripper`, wherever that is: nothing is asked about what
-    /// stands there. `near` is a configuration to stay close to, and `force_n` what each finger presses with; by default what
-    /// [`grip_force`] gives. `None` when the arm does not reach all of it.
+    /// How to try `grasp` of an object with the gripper at `base_from_gripper`, wherever that is: nothing is asked about what the
+    /// hand meets there, while the arm keeps clear of the table and of itself. `near` is a configuration to stay close to, and
+    /// `force_n` what each finger presses with; by default what [`grip_force`] gives. `None` when the arm does not reach all of it.
     pub fn plan_grasp_test(
         &self,
         belief: &BeliefScene,
@@ -93,16 +98,29 @@ impl Planner {
         let open = self.with_fingers(near, grasp.opening);
         let mut pregrasp = *base_from_gripper;
         pregrasp.translation.vector -= base_from_gripper * Vector3::x() * settings.grasp.standoff;
-        let solutions = solver.solutions(base_from_gripper, &open, settings.ik_seeds, SOLUTIONS, |_| true);
+        let checker = CollisionChecker::new(self.robot.clone(), belief);
+        let query = Query { held: None, allowed: &[], margins: settings.near };
+        // Where the arm goes is this planner's business, what the hand runs into is the experiment's.
+        let arm_meets = |_: f64, q: &[f64]| {
+            let of_hand = |body: Body| match body {
+                Body::Link(link) => self.robot.hand.contains(&link),
+                Body::Object(_) => true,
+                _ => false,
+            };
+            checker.collisions(q, &query).into_iter().find(|pair| !of_hand(pair.a) && !of_hand(pair.b))
+        };
+        let solutions = solver.solutions(base_from_gripper, &open, settings.ik_seeds, SOLUTIONS, |q| {
+            arm_meets(0.0, q).is_none()
+        });
         solutions.into_iter().find_map(|q| {
-            let approach = straight_line(solver, &q, &pregrasp, |_, _| None).ok()?.reversed();
+            let approach = straight_line(solver, &q, &pregrasp, arm_meets).ok()?.reversed();
             let closed = self.with_fingers(&q, grasp.width);
-            let lift = translate(solver, &closed, Vector3::z() * LIFT, |_, _| None).ok()?;
+            let lift = translate(solver, &closed, Vector3::z() * LIFT, arm_meets).ok()?;
             let mut shake: Vec<CartesianPath> = Vec::new();
             for axis in [Vector3::x(), Vector3::y(), Vector3::z()] {
                 for way in [SHAKE, -2.0 * SHAKE, SHAKE] {
                     let from = shake.last().unwrap_or(&lift).end().to_vec();
-                    shake.push(translate(solver, &from, axis * way, |_, _| None).ok()?);
+                    shake.push(translate(solver, &from, axis * way, arm_meets).ok()?);
                 }
             }
             let straight = |name, path: &CartesianPath, speed, guarded: bool, holding| PlanStep {
@@ -154,9 +172,9 @@ mod tests {
         let q = config.configuration(&model, "ready").unwrap();
         let planner = Planner::new(model, config, PlannerSettings::default());
         let belief = groceries();
-        let grasp = planner.choose_grasp(&belief, 0, &q, None).unwrap();
+        let (grasp, q) = planner.choose_grasp(&belief, 0, &q, None).unwrap();
         // The same one is found again when it alone is asked for.
-        let again = planner.choose_grasp(&belief, 0, &q, Some(&grasp)).unwrap();
+        let (again, _) = planner.choose_grasp(&belief, 0, &q, Some(&grasp)).unwrap();
         assert_eq!(grasp.object_from_gripper, again.object_from_gripper);
 
         let base_from_world = belief.world_from_base.iso().inverse();
@@ -208,7 +226,9 @@ mod tests {
             );
             object.world_from_object = grip_sim::pose::Pose::new(pose);
             let belief = BeliefScene { objects: vec![object], ..groceries() };
-            let grasp = planner.choose_grasp(&belief, 0, &q, None).unwrap_or_else(|e| panic!("{roll}: {e}"));
+            let (grasp, _) = planner
+                .choose_grasp(&belief, 0, &q, None)
+                .unwrap_or_else(|e| panic!("{roll}: {e} {:?}", e.counters.grasps));
             // The tips clear the table by the margin, and the pen is between the pads.
             let tip = grasp.world_from_gripper.transform_point(&nalgebra::Point3::new(pad.x, 0.0, 0.0)).z;
             assert!(

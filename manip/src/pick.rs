@@ -31,7 +31,7 @@ pub(crate) struct Picked {
     pub(crate) grasp: Grasp,
     held: Held,
     /// From the pre-grasp pose to the grasp, fingers open.
-    approach: CartesianPath,
+    pub(crate) approach: CartesianPath,
     /// From the grasp upwards, fingers closed.
     lift: CartesianPath,
 }

@@ -15,12 +15,13 @@ pub fn run(args: &ReportArgs) -> Result<Done> {
     if let Some(folder) = args.out.parent().filter(|folder| !folder.as_os_str().is_empty()) {
         std::fs::create_dir_all(folder).with_context(|| format!("{}: cannot be made", folder.display()))?;
     }
+    let page = html(&sources)?;
     for (name, text) in tables(&sources)? {
         let path = args.out.with_extension(format!("{name}.csv"));
         bop::write_atomic(&path, text.as_bytes())?;
         output::message(format_args!("table: {}", path.display()));
     }
-    bop::write_atomic(&args.out, html(&sources)?.as_bytes())?;
+    bop::write_atomic(&args.out, page.as_bytes())?;
     output::message(format_args!("page: {}", args.out.display()));
     Ok(Done::Fully)
 }

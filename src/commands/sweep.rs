@@ -2,7 +2,7 @@
 
 use std::time::{Duration, Instant};
 
-use anyhow::{Context, Result, ensure};
+use anyhow::{Context, Result, bail, ensure};
 use indicatif::{ProgressBar, ProgressStyle};
 
 use super::Done;
@@ -56,13 +56,18 @@ fn open(args: &SweepArgs) -> Result<Sweep> {
             "--range: {value} {what}: must be above 0 and at most {most}"
         );
     }
-    for (value, most, option) in [(args.friction, 2.0, "--friction"), (args.force, 200.0, "--force")] {
+    let setup = setup(args)?;
+    let strongest = setup.config.gripper.max_force;
+    for (value, most, option) in [(args.friction, 2.0, "--friction"), (args.force, strongest, "--force")] {
         if let Some(value) = value {
             ensure!(
                 value.is_finite() && value > 0.0 && value <= most,
                 "{option} {value}: must be above 0 and at most {most}"
             );
         }
+    }
+    if let Some((_, twice)) = args.axes.iter().enumerate().find(|(i, axis)| args.axes[..*i].contains(axis)) {
+        bail!("--axes: {} is given twice; once is enough", twice.name());
     }
     let (metres, radians) = (1e-3 * millimetres, degrees.to_radians());
     let cases = match args.mode {
@@ -75,16 +80,6 @@ fn open(args: &SweepArgs) -> Result<Sweep> {
             isotropic(metres, radians, args.samples.unwrap_or(20))
         }
     };
-    let scene_args = SceneArgs {
-        scene: args.scene.clone(),
-        seed: args.seed,
-        // Nothing is drawn.
-        renderer: Renderer::Cpu,
-        ycb: args.ycb.clone(),
-        robot: args.robot.robot.clone(),
-        package_path: args.robot.package_path.clone(),
-    };
-    let setup = Setup::open(&scene_args, "scenes/grocery.toml", "base")?;
     let objects: Vec<String> = match args.objects.as_slice() {
         [] => OBJECTS.map(String::from).to_vec(),
         given => given.to_vec(),
@@ -105,6 +100,20 @@ fn open(args: &SweepArgs) -> Result<Sweep> {
         friction: args.friction,
         force_n: args.force,
     })
+}
+
+/// The scene that the objects are laid out in.
+fn setup(args: &SweepArgs) -> Result<Setup> {
+    let scene_args = SceneArgs {
+        scene: args.scene.clone(),
+        seed: args.seed,
+        // Nothing is drawn.
+        renderer: Renderer::Cpu,
+        ycb: args.ycb.clone(),
+        robot: args.robot.robot.clone(),
+        package_path: args.robot.package_path.clone(),
+    };
+    Setup::open(&scene_args, "scenes/grocery.toml", "base")
 }
 
 fn bar() -> ProgressBar {

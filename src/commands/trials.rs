@@ -9,6 +9,7 @@ use indicatif::{ProgressBar, ProgressStyle};
 use super::Done;
 use crate::cli::TrialsArgs;
 use crate::experiment::plan::Plan;
+use crate::experiment::report::p_value;
 use crate::experiment::summary::{cells, pairs};
 use crate::experiment::{items, trials};
 use crate::outcome::TrialResult;
@@ -88,8 +89,11 @@ pub fn print(results: &[TrialResult], json: bool) -> Result<()> {
         let [a, b] = &pair.estimators;
         output::data(format_args!(
             "{} {}: of {} items {a} and {b} both pack {both}, {a} alone {first}, {b} alone {second}, none {none}; \
-             McNemar p = {:.3}",
-            pair.scene, pair.condition, pair.items, pair.p
+             McNemar p {}",
+            pair.scene,
+            pair.condition,
+            pair.items,
+            p_value(pair.p)
         ))?;
     }
     let collisions: usize = cells.iter().map(|cell| cell.collisions).sum();

@@ -30,9 +30,15 @@ enum Column {
 /// # Errors
 /// When it cannot be written.
 pub fn write(trials: &[TrialResult], folder: &Path) -> Result<()> {
-    let path = folder.join(FILE);
-    let bytes = encode(&columns(trials)).with_context(|| format!("{}: cannot be made", path.display()))?;
-    Ok(bop::write_atomic(&path, &bytes)?)
+    Ok(bop::write_atomic(&folder.join(FILE), &bytes(trials)?)?)
+}
+
+/// The content of items.parquet.
+///
+/// # Errors
+/// When it cannot be encoded.
+pub fn bytes(trials: &[TrialResult]) -> Result<Vec<u8>> {
+    encode(&columns(trials)).with_context(|| format!("{FILE}: cannot be made"))
 }
 
 fn columns(trials: &[TrialResult]) -> Vec<(&'static str, Column)> {

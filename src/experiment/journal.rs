@@ -86,7 +86,8 @@ fn parse<T: DeserializeOwned>(bytes: &[u8], path: &Path) -> Result<Vec<T>> {
         .filter(|(_, line)| !line.is_empty())
         .map(|(i, line)| {
             serde_json::from_slice(line).with_context(|| {
-                format!("{}: line {} is no result of this program; remove it", path.display(), i + 1)
+                let path = path.display();
+                format!("{path}: line {} is damaged, or of another version; choose another --out", i + 1)
             })
         })
         .collect()
@@ -97,12 +98,20 @@ fn parse<T: DeserializeOwned>(bytes: &[u8], path: &Path) -> Result<Vec<T>> {
 /// # Errors
 /// When it cannot be written.
 pub fn write_whole<T: Serialize>(path: &Path, lines: &[T]) -> Result<()> {
+    Ok(bop::write_atomic(path, text(lines)?.as_bytes())?)
+}
+
+/// Results as the text of a journal.
+///
+/// # Errors
+/// When one of them cannot be written as JSON.
+pub fn text<T: Serialize>(lines: &[T]) -> Result<String> {
     let mut text = String::new();
     for line in lines {
         text += &serde_json::to_string(line)?;
         text.push('\n');
     }
-    Ok(bop::write_atomic(path, text.as_bytes())?)
+    Ok(text)
 }
 
 #[cfg(test)]

@@ -6,9 +6,9 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, Result, bail, ensure};
 use serde_json::Value;
 
-use super::journal;
 use super::plan::{FILMS, Key, MANIFEST, TIMINGS, TRIALS, differs, read_manifest};
 use super::trials::TimingLine;
+use super::{items, journal};
 use crate::outcome::TrialResult;
 use crate::run_dir::RunDir;
 
@@ -61,19 +61,10 @@ pub fn merge(folders: &[PathBuf], out: &Path) -> Result<Vec<TrialResult>> {
     let manifest = manifest.context("give at least one folder")?;
     let trials: Vec<TrialResult> = trials.into_values().collect();
     run.write(MANIFEST, serde_json::to_string_pretty(&manifest)?)?;
-    run.write(TRIALS, lines(&trials)?)?;
-    run.write(TIMINGS, lines(&timings.into_values().collect::<Vec<_>>())?)?;
-    let folder = run.finish()?;
-    std::fs::create_dir_all(folder.join(FILMS))?;
-    super::items::write(&trials, &folder)?;
+    run.write(TRIALS, journal::text(&trials)?)?;
+    run.write(TIMINGS, journal::text(&timings.into_values().collect::<Vec<_>>())?)?;
+    run.write(items::FILE, items::bytes(&trials)?)?;
+    run.folder(FILMS)?;
+    run.finish()?;
     Ok(trials)
-}
-
-fn lines<T: serde::Serialize>(lines: &[T]) -> Result<String> {
-    let mut text = String::new();
-    for line in lines {
-        text += &serde_json::to_string(line)?;
-        text.push('\n');
-    }
-    Ok(text)
 }

@@ -10,11 +10,12 @@ use grip_sim::bop;
 use grip_sim::condition::ConditionSpec;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
+use sha2::{Digest, Sha256};
 
 use crate::cli::{self, SceneArgs, TrialsArgs};
 use crate::outcome::TrialResult;
 use crate::perceive::Perception;
-use crate::scenario::{Options, Scenario};
+use crate::scenario::{Options, Scenario, hex};
 use crate::setup::{self, Setup};
 
 /// Version of experiment.json.
@@ -23,12 +24,14 @@ pub const SCHEMA: &str = "grip.experiment/1";
 pub const MANIFEST: &str = "experiment.json";
 /// Its results, a trial a line.
 pub const TRIALS: &str = "trials.jsonl";
+/// The field of a manifest that names the build.
+pub const BUILD: &str = "build_sha256";
 /// How long they took.
 pub const TIMINGS: &str = "timings.jsonl";
 /// Attempts from outside: of the first seed and of each failure.
 pub const FILMS: &str = "films";
 
-/// A part of an experiment: the trials whose number leaves `index - 1` when divided by `of`.
+/// A part of an experiment: every `of`-th seed, from the `index`-th on. Trials that are to be compared stay together.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Shard {
     /// From 1 on.
@@ -142,15 +145,35 @@ impl Plan {
             );
             stages.push(stage);
         }
-        let names: Vec<String> =
-            stages[0].conditions.iter().map(|condition| condition.name.clone()).collect();
-        no_name_twice(&names, "--conditions")?;
+        for stage in &stages {
+            let names: Vec<String> =
+                stage.conditions.iter().map(|condition| condition.name.clone()).collect();
+            no_name_twice(&names, "--conditions")?;
+            if let Some(odd) = names.iter().find(|name| name.contains(['/', '\\'])) {
+                bail!("--conditions: the name {odd} becomes a part of a file's name; leave out the slash");
+            }
+        }
+        if let Some(perception) = stages[0].perceptions.iter().find_map(Perception::recorded) {
+            ensure!(
+                stages.len() * stages[0].conditions.len() == 1,
+                "--estimators csv: a results file is of one scene in one condition; run each by itself and give grip report all \
+                 folders"
+            );
+            let unknown = (args.seed..).take(args.trials as usize).find(|seed| !perception.knows(*seed));
+            if let Some(seed) = unknown {
+                bail!(
+                    "--estimators csv: the file has no row for scene_id {seed}; give --seed and --trials that it knows"
+                );
+            }
+        }
         let last = args.seed.checked_add(u64::from(args.trials) - 1);
         let last = last.with_context(|| {
             format!("--seed {}: too large for {} trials; give a lower one", args.seed, args.trials)
         })?;
+        let step = args.shard.map_or(1, |shard| shard.of);
+        let skipped = args.shard.map_or(0, |shard| shard.index - 1);
         let mut cases = Vec::new();
-        for seed in args.seed..=last {
+        for seed in (args.seed..=last).skip(skipped).step_by(step) {
             for (scene, stage) in stages.iter().enumerate() {
                 for (condition, spec) in stage.conditions.iter().enumerate() {
                     for (estimator, name) in estimators.iter().enumerate() {
@@ -165,16 +188,13 @@ impl Plan {
                 }
             }
         }
-        if let Some(Shard { index, of }) = args.shard {
-            cases = cases.into_iter().skip(index - 1).step_by(of).collect();
-        }
         let scenarios = stages
             .iter()
             .map(|stage| {
                 let any = &stage.perceptions[0];
                 let scenario = Scenario::new(&stage.setup, any, stage.setup.models.len(), &options)?;
                 let mut scenario = scenario.json().clone();
-                for varies in ["schema", "seed", "estimator", "condition", "items"] {
+                for varies in ["seed", "estimator", "condition", "items"] {
                     scenario.as_object_mut().map(|fields| fields.remove(varies));
                 }
                 Ok(scenario)
@@ -189,6 +209,7 @@ impl Plan {
             "conditions": conditions,
             "scenarios": scenarios,
             "shard": args.shard,
+            BUILD: build(),
         });
         Ok(Self { stages, cases, first_seed: args.seed, options, manifest })
     }
@@ -198,33 +219,9 @@ impl Plan {
     /// # Errors
     /// When it is there although nothing is to be resumed, is another experiment, or cannot be written.
     pub fn begin(&self, out: &Path, resume: bool) -> Result<()> {
-        let path = out.join(MANIFEST);
-        if path.exists() {
-            ensure!(
-                resume,
-                "{}: has an experiment already; go on with it by --resume, or choose another --out",
-                out.display()
-            );
-            let before = read_manifest(out)?;
-            if let Some(field) = differs(&before, &self.manifest) {
-                bail!(
-                    "{}: {field} is not what it was when the experiment began; give the same options and files, or \
-                     choose another --out",
-                    path.display()
-                );
-            }
-        } else {
-            ensure!(
-                !out.exists() || std::fs::read_dir(out).is_ok_and(|mut entries| entries.next().is_none()),
-                "{}: exists and is not the folder of an experiment; choose another --out",
-                out.display()
-            );
-            std::fs::create_dir_all(out.join(FILMS)).with_context(|| {
-                format!("{}: cannot be made; check permissions or choose another --out", out.display())
-            })?;
-            bop::write_atomic(&path, serde_json::to_string_pretty(&self.manifest)?.as_bytes())?;
-        }
-        Ok(())
+        begin(out, MANIFEST, SCHEMA, &self.manifest, resume)?;
+        let films = out.join(FILMS);
+        std::fs::create_dir_all(&films).with_context(|| format!("{}: cannot be made", films.display()))
     }
 
     /// The setup of a trial.
@@ -261,9 +258,55 @@ impl Stage {
     }
 }
 
+/// Makes a folder whose file `name` says what is in it, or makes sure that it is the same that goes on.
+///
+/// # Errors
+/// When it is there although nothing is to be resumed, something else is in it, or it cannot be written.
+pub fn begin(out: &Path, name: &str, schema: &str, manifest: &Value, resume: bool) -> Result<()> {
+    let path = out.join(name);
+    if path.exists() {
+        ensure!(
+            resume,
+            "{}: has results already; go on with them by --resume, or choose another --out",
+            out.display()
+        );
+        let before = read_schema(&path, schema)?;
+        if let Some(field) = differs(&before, manifest) {
+            bail!(
+                "{}: {field} is not what it was in the beginning; give the same options and files, or choose another --out",
+                path.display()
+            );
+        }
+        if before[BUILD] != manifest[BUILD] {
+            log::warn!("{}: was begun by another build; results may differ in last bits", path.display());
+        }
+        return Ok(());
+    }
+    // What a kill may have left before there was anything to keep.
+    let leftover = |name: &str| name.starts_with('.') && name.ends_with(".tmp");
+    let strange = out.exists()
+        && std::fs::read_dir(out)
+            .with_context(|| format!("{}: is no folder; choose another --out", out.display()))?
+            .flatten()
+            .any(|entry| !leftover(&entry.file_name().to_string_lossy()));
+    ensure!(!strange, "{}: exists and is not ours: it has no {name}; choose another --out", out.display());
+    std::fs::create_dir_all(out).with_context(|| {
+        format!("{}: cannot be made; check permissions or choose another --out", out.display())
+    })?;
+    Ok(bop::write_atomic(&path, serde_json::to_string_pretty(manifest)?.as_bytes())?)
+}
+
+/// SHA-256 of this program's file: results of different builds may differ in last bits. None where it cannot be read.
+pub fn build() -> Option<String> {
+    let bytes = std::fs::read(std::env::current_exe().ok()?).ok()?;
+    Some(hex(&Sha256::digest(bytes)))
+}
+
 fn no_name_twice(names: &[String], option: &str) -> Result<()> {
     match names.iter().enumerate().find(|(i, name)| names[..*i].contains(name)) {
-        Some((_, twice)) => bail!("{option}: {twice} is given twice; once is enough"),
+        Some((_, twice)) => {
+            bail!("{option}: two are called {twice}; give each once, or rename one of the files")
+        }
         None => Ok(()),
     }
 }
@@ -274,6 +317,18 @@ fn no_name_twice(names: &[String], option: &str) -> Result<()> {
 /// When there is no such file, or it is not one of ours.
 pub fn read_manifest(folder: &Path) -> Result<Value> {
     read_schema(&folder.join(MANIFEST), SCHEMA)
+}
+
+/// How many trials a manifest speaks of: all, or those of its shard.
+pub fn expected(manifest: &Value) -> usize {
+    let count = |of: &Value| of.as_array().map_or(0, Vec::len);
+    let seeds = manifest["trials"].as_u64().unwrap_or(0) as usize;
+    let of_shard = match serde_json::from_value::<Option<Shard>>(manifest["shard"].clone()) {
+        Ok(Some(Shard { index, of })) => (seeds + of).saturating_sub(index) / of.max(1),
+        _ => seeds,
+    };
+    let conditions: usize = manifest["conditions"].as_array().map_or(0, |all| all.iter().map(count).sum());
+    of_shard * conditions * count(&manifest["estimators"])
 }
 
 /// A JSON file whose `schema` must be this one.
@@ -301,8 +356,8 @@ pub fn differs(a: &Value, b: &Value) -> Option<String> {
             (Value::Object(x), Value::Object(y)) => {
                 let keys: std::collections::BTreeSet<&String> = x.keys().chain(y.keys()).collect();
                 keys.into_iter().find_map(|key| {
-                    // Where files lie does not matter; their content does.
-                    if key == "path" {
+                    // Where files lie does not matter; their content does. Other builds may go on, with a warning.
+                    if key == "path" || key == BUILD {
                         return None;
                     }
                     let null = &Value::Null;
@@ -331,6 +386,19 @@ mod tests {
         for wrong in ["0/4", "5/4", "1", "a/b", "1/0", "-1/2", ""] {
             assert!(wrong.parse::<Shard>().unwrap_err().contains("I/N"), "{wrong}");
         }
+    }
+
+    #[test]
+    fn the_manifest_tells_how_many_trials_there_are_to_be() {
+        let of = |shard: Value| {
+            let manifest = json!({
+                "trials": 10, "estimators": ["a", "b"], "conditions": [["x", "y", "z"], ["x", "y", "z"]], "shard": shard,
+            });
+            expected(&manifest)
+        };
+        assert_eq!(of(Value::Null), 10 * 2 * 6);
+        let shards: usize = (1..=4).map(|i| of(json!({ "index": i, "of": 4 }))).sum();
+        assert_eq!(shards, 10 * 2 * 6);
     }
 
     #[test]

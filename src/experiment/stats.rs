@@ -92,7 +92,7 @@ impl Logistic {
                 information.ger(p * (1.0 - p), &row, &row, 1.0);
             }
             // The intercept has a prior that is as weak, for cases that all succeed.
-            let precision = |j: usize| if j == 0 { 1.0 } else { variance[j - 1] } / PRIOR_VARIANCE;
+            let precision = |j: usize| (if j == 0 { 1.0 } else { variance[j - 1] }) / PRIOR_VARIANCE;
             for j in 0..=k {
                 gradient[j] -= precision(j) * b[j];
                 information[(j, j)] += precision(j);
@@ -127,7 +127,7 @@ fn sigmoid(x: f64) -> f64 {
 }
 
 /// Share of successes about `x`, and its interval, by a Gaussian kernel of this width over cases `(x, succeeded)`; the
-/// interval is Wilson's with the kernel's effective number of cases. `None` where there is less than one.
+/// interval is Wilson's with the kernel's effective number of cases. `None` where there is less than one, or none nearby.
 pub fn kernel_share(cases: &[(f64, bool)], x: f64, width: f64) -> Option<(f64, [f64; 2])> {
     let (mut sum, mut squares, mut good) = (0.0, 0.0, 0.0);
     for (at, y) in cases {
@@ -136,9 +136,10 @@ pub fn kernel_share(cases: &[(f64, bool)], x: f64, width: f64) -> Option<(f64, [
         squares += w * w;
         good += w * f64::from(u8::from(*y));
     }
-    let effective = if squares > 0.0 { sum * sum / squares } else { 0.0 };
-    // A sum of weights below one is the tail of cases far away.
-    (sum >= 1.0).then(|| (good / sum, wilson_of(good / sum * effective, effective)))
+    // Weights are at most one: many cases far away are not many cases here.
+    let effective = if squares > 0.0 { (sum * sum / squares).min(sum) } else { 0.0 };
+    let near = cases.iter().any(|(at, _)| (at - x).abs() <= 1.5 * width);
+    (near && sum >= 1.0).then(|| (good / sum, wilson_of(good / sum * effective, effective)))
 }
 
 #[cfg(test)]
@@ -219,5 +220,10 @@ mod tests {
         let (high, [l, h]) = kernel_share(&cases, 80.0, 5.0).unwrap();
         assert!(low > 0.999 && (high - 0.5).abs() < 0.02 && l < 0.5 && h > 0.5, "{low} {high} {l} {h}");
         assert_eq!(kernel_share(&cases, 500.0, 5.0), None);
+        // A crowd far away says nothing here.
+        let crowd = vec![(0.0, true); 1000];
+        assert_eq!(kernel_share(&crowd, 3.0, 1.0), None);
+        let (_, [low, _]) = kernel_share(&crowd, 1.5, 1.0).unwrap();
+        assert!(low < 0.995, "{low}");
     }
 }

@@ -3,12 +3,12 @@
 //! A trial depends on its own scene, condition, estimator and seed alone, so that its result is the same on any thread, in
 //! any order and in any shard.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
-use anyhow::{Context, Result};
+use anyhow::{Context, Result, ensure};
 use grip_sim::bop;
 use grip_sim::render::{self, RendererChoice};
 use indicatif::ProgressBar;
@@ -63,6 +63,11 @@ pub fn run(
     let ledger = Mutex::new(Ledger { trials, timings, done });
     let worker = || -> Result<()> {
         let mut renderer = render::open(renderer)?;
+        ensure!(
+            renderer.name() == plan.options.renderer,
+            "the graphics adapter cannot be opened once for each of {jobs} jobs; give fewer --jobs, or --renderer cpu"
+        );
+        let _stop_others = StopOnPanic(&stop);
         while !stop.load(Ordering::Relaxed) {
             let Some(case) = missing.get(next.fetch_add(1, Ordering::Relaxed)) else { break };
             let Key { seed, scene, condition, estimator } = &case.key;
@@ -115,8 +120,23 @@ pub fn run(
     done.sort_by_key(Key::of);
     // In order of the trials, not of their ends: the same bytes from every run.
     journal::write_whole(&out.join(TRIALS), &done)?;
+    let mut seconds: BTreeMap<Key, TimingLine> = BTreeMap::new();
+    let lines = journal::read::<TimingLine>(&out.join(TIMINGS))?;
+    seconds.extend(lines.into_iter().map(|line| (line.key.clone(), line)));
+    journal::write_whole(&out.join(TIMINGS), &seconds.into_values().collect::<Vec<_>>())?;
     drop((trials, timings));
     Ok((done, kept))
+}
+
+/// Has the other threads stop when this one panics, rather than at the end of all work.
+pub struct StopOnPanic<'a>(pub &'a AtomicBool);
+
+impl Drop for StopOnPanic<'_> {
+    fn drop(&mut self) {
+        if std::thread::panicking() {
+            self.0.store(true, Ordering::Relaxed);
+        }
+    }
 }
 
 /// Shares of items packed until now, by estimator.

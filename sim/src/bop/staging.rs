@@ -2,6 +2,7 @@
 
 use std::ffi::OsStr;
 use std::fs;
+use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use crate::{Error, Result};
@@ -68,7 +69,10 @@ impl Drop for Staging {
 /// [`Error::Io`] with `path`.
 pub fn write_atomic(path: &Path, bytes: &[u8]) -> Result<()> {
     let building = hidden(path)?;
-    let written = fs::write(&building, bytes).and_then(|()| fs::rename(&building, path));
+    // On the disk before it takes the place of what was there.
+    let written = fs::File::create(&building)
+        .and_then(|mut file| file.write_all(bytes).and_then(|()| file.sync_all()))
+        .and_then(|()| fs::rename(&building, path));
     written.map_err(|source| {
         let _ = fs::remove_file(&building);
         Error::io(path, source)

@@ -10,7 +10,7 @@ const EDGES: [f64; 8] = [0.0, 0.5, 0.7, 0.8, 0.9, 0.95, 0.98, 1.0];
 /// Predictions against what happened.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Calibration {
-    /// Items whose object the sweep knows, tried at least once by an estimator that errs.
+    /// Items whose object the sweep knows, tried once by an estimator that errs.
     pub grasps: usize,
     /// Share of them that held.
     pub held: f64,
@@ -24,18 +24,26 @@ pub struct Calibration {
     pub bins: Vec<(f64, usize, f64, [f64; 2])>,
 }
 
-/// Of the curves over ADD-S of the sweep `which`, if there are trials that it can be held against.
+/// Of the curves over ADD-S of the sweep `which`, if its errors are random and there are trials that it can be held against.
 pub fn calibration(sources: &Sources, which: usize) -> Option<Calibration> {
-    let objects = results(&sources.sweeps[which].lines);
+    let sweep = &sources.sweeps[which];
+    // Errors along axes are not how estimators err, and other contacts or objects than the trials' say nothing of them.
+    let comparable = sweep.lines.iter().all(|line| line.error.axis.is_none())
+        && sweep.manifest["friction"].is_null()
+        && sweep.manifest["force_n"].is_null()
+        && sources.trials.iter().all(|trial| sweep.manifest["object_set"] == trial.object_set.as_str());
+    if !comparable {
+        return None;
+    }
+    let objects = results(&sweep.lines);
     let cases: Vec<(f64, bool)> = sources
         .trials
         .iter()
         .filter(|trial| !trial.estimator.starts_with("truth"))
         .flat_map(|trial| &trial.items)
-        .filter(|item| item.attempts > 0)
         .filter_map(|item| {
             let fall = objects.iter().find(|o| o.object == item.object)?.adds.as_ref()?;
-            Some((fall.chance(item.adds_m?), grasp_held(item)))
+            Some((fall.chance(item.adds_m?), grasp_held(item)?))
         })
         .collect();
     let (predicted, held): (Vec<f64>, Vec<bool>) = cases.iter().copied().unzip();

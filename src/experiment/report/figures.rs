@@ -17,6 +17,8 @@ use crate::plot::{self, Axis as PlotAxis, Curve, Figure, MOST_CURVES, Panel};
 /// Largest errors shown of trials, millimetres, and width of the kernel there.
 const MOST_MM: f64 = 40.0;
 const TRIAL_KERNEL_MM: f64 = 1.5;
+/// Kinds of failures that have a fill of their own.
+const MOST_KINDS: usize = 13;
 /// Points of a smooth curve.
 const POINTS: usize = 81;
 
@@ -52,19 +54,30 @@ pub fn failures(cells: &[Cell]) -> Result<String> {
     }
     let mut kinds: Vec<_> = kinds.into_iter().collect();
     kinds.sort_by(|a, b| b.1.cmp(&a.1).then(a.0.cmp(b.0)));
+    // More could not be told apart.
+    let others: Vec<&String> =
+        kinds.split_off(kinds.len().min(MOST_KINDS)).into_iter().map(|(kind, _)| kind).collect();
     // A multiple of five, so that ticks are whole numbers.
     let most = cells.iter().map(|c| c.items - c.packed).max().unwrap_or(0).div_ceil(5) * 5;
-    let series = kinds.into_iter().map(|(kind, _)| {
-        let count = |c: &Cell| c.failures.get(kind).map(|n| Bar { value: *n as f64, interval: None });
-        (kind.clone(), cells.iter().map(count).collect())
-    });
+    let bar = |n: usize| (n > 0).then_some(Bar { value: n as f64, interval: None });
+    let mut series: Vec<(String, Vec<Option<Bar>>)> = kinds
+        .into_iter()
+        .map(|(kind, _)| {
+            let count = |c: &Cell| bar(c.failures.get(kind).copied().unwrap_or(0));
+            (kind.clone(), cells.iter().map(count).collect())
+        })
+        .collect();
+    if !others.is_empty() {
+        let count = |c: &Cell| bar(others.iter().filter_map(|kind| c.failures.get(*kind)).sum());
+        series.push(("other".into(), cells.iter().map(count).collect()));
+    }
     bars::svg(&Bars {
         title: "Items not packed, by what became of them".into(),
         label: "items".into(),
         most: most as f64,
         stacked: true,
         groups,
-        series: series.collect(),
+        series,
     })
 }
 
@@ -77,8 +90,8 @@ pub fn errors(sources: &Sources) -> Result<Option<String>> {
         let (all, tried) = by_estimator.entry(&trial.estimator).or_default();
         for item in &trial.items {
             all.push(item.adds_m.map_or(f64::INFINITY, |m| 1e3 * m));
-            if let (Some(m), true) = (item.adds_m, item.attempts > 0) {
-                tried.push((1e3 * m, grasp_held(item)));
+            if let (Some(m), Some(held)) = (item.adds_m, grasp_held(item)) {
+                tried.push((1e3 * m, held));
             }
         }
     }
@@ -179,7 +192,7 @@ pub fn axes(objects: &[ObjectResult]) -> Result<Option<String>> {
     plot::svg(&Figure { title, columns: 2, panels }).map(Some)
 }
 
-/// All errors of a sweep by what they are in ADD-S, in ADD and, of random ones, in translation.
+/// All errors of a sweep by what they are in ADD-S and in ADD.
 pub fn sizes(sweep: &SweepSource) -> Result<String> {
     let mut objects: BTreeMap<&str, Vec<(&GraspLine, bool)>> = BTreeMap::new();
     for line in &sweep.lines {
@@ -248,7 +261,7 @@ pub fn reliability(calibration: &Calibration) -> Result<String> {
     plot::svg(&figure)
 }
 
-/// Scene and condition; the scene alone goes without saying while there is one condition of it.
+/// Scene and condition.
 fn group_of(cell: &Cell) -> String {
     format!("{} {}", cell.scene, cell.condition)
 }

@@ -4,32 +4,34 @@ mod calibration;
 mod figures;
 mod page;
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail, ensure};
 use serde_json::Value;
 
-pub use self::page::html;
+pub use self::page::{html, p_value};
 use super::plan::{self, Key, TIMINGS, TRIALS};
 use super::sweep::{self, GraspLine};
 use super::trials::TimingLine;
 use super::{journal, summary};
-use crate::outcome::{Outcome, Timing, TrialResult};
+use crate::outcome::{Timing, TrialResult};
 
 /// Everything a page is made of.
 #[derive(Default)]
 pub struct Sources {
     /// All trials. Those of more than one experiment have its folder's name in their estimator's.
     pub trials: Vec<TrialResult>,
-    /// How long they took, as far as it is known.
-    pub timings: Vec<Timing>,
+    /// How long they took, as far as it is known, with the estimator's name.
+    pub timings: Vec<(String, Timing)>,
     /// Films: the trial, and a JPEG.
     pub films: BTreeMap<Key, PathBuf>,
     /// Sweeps.
     pub sweeps: Vec<SweepSource>,
     /// Figures made before, with their names.
     pub figures: Vec<(String, String)>,
+    /// What a reader should know of the sources.
+    pub notes: Vec<String>,
 }
 
 /// A sweep.
@@ -49,12 +51,20 @@ impl Sources {
     /// When one of them is none of ours, or damaged.
     pub fn read(paths: &[PathBuf]) -> Result<Self> {
         let mut sources = Self::default();
+        let mut known = BTreeSet::new();
         let experiments = paths.iter().filter(|p| p.join(plan::MANIFEST).exists()).count();
         for path in paths {
             let name = path.file_name().unwrap_or(path.as_os_str()).to_string_lossy().into_owned();
             if path.join(plan::MANIFEST).exists() {
-                plan::read_manifest(path)?;
-                sources.add_experiment(path, (experiments > 1).then_some(name.as_str()))?;
+                let of = plan::expected(&plan::read_manifest(path)?);
+                let label = (experiments > 1).then_some(name.as_str());
+                let trials = sources.add_experiment(path, label)?;
+                if trials < of {
+                    sources.notes.push(format!(
+                        "{}: {trials} of {of} trials are there; the others can be run with --resume, or in their shards.",
+                        path.display()
+                    ));
+                }
             } else if path.join(sweep::MANIFEST).exists() {
                 sources.sweeps.push(SweepSource {
                     name,
@@ -79,6 +89,19 @@ impl Sources {
                 );
             }
         }
+        for trial in &sources.trials {
+            let key = Key::of(trial);
+            ensure!(
+                !known.contains(&key),
+                "scene {}, condition {}, {}, seed {}: more than one of the folders has this trial; give each folder once, and \
+                 each a name of its own",
+                key.scene,
+                key.condition,
+                key.estimator,
+                key.seed
+            );
+            known.insert(key);
+        }
         ensure!(
             !sources.trials.is_empty() || sources.sweeps.iter().any(|s| !s.lines.is_empty()),
             "there are no results yet in what was given"
@@ -86,7 +109,8 @@ impl Sources {
         Ok(sources)
     }
 
-    fn add_experiment(&mut self, folder: &Path, label: Option<&str>) -> Result<()> {
+    /// An experiment; returns how many trials it has.
+    fn add_experiment(&mut self, folder: &Path, label: Option<&str>) -> Result<usize> {
         let mut trials: Vec<TrialResult> = journal::read(&folder.join(TRIALS))?;
         let mut timings: BTreeMap<Key, Timing> = BTreeMap::new();
         let file = folder.join(TIMINGS);
@@ -97,19 +121,19 @@ impl Sources {
         for trial in &mut trials {
             let mut key = Key::of(trial);
             let film = folder.join(key.film());
-            if let Some(timing) = timings.remove(&key) {
-                self.timings.push(timing);
-            }
+            let timing = timings.remove(&key);
             if let Some(label) = label {
                 trial.estimator = format!("{} ({label})", trial.estimator);
                 key = Key::of(trial);
             }
+            self.timings.extend(timing.map(|timing| (trial.estimator.clone(), timing)));
             if film.exists() {
                 self.films.insert(key, film);
             }
         }
+        let count = trials.len();
         self.trials.extend(trials);
-        Ok(())
+        Ok(count)
     }
 
     /// A single trial by `grip pack`.
@@ -119,7 +143,7 @@ impl Sources {
             std::fs::read_to_string(&path).with_context(|| format!("{}: cannot be read", path.display()))?;
         let mut trial: TrialResult = serde_json::from_str(&text)
             .with_context(|| format!("{}: is no result of this version; run it again", path.display()))?;
-        self.timings.extend(trial.timing.take());
+        self.timings.extend(trial.timing.take().map(|timing| (trial.estimator.clone(), timing)));
         let film = folder.join("film.jpg");
         if film.exists() {
             self.films.insert(Key::of(&trial), film);
@@ -163,7 +187,7 @@ pub fn tables(sources: &Sources) -> Result<Vec<(&'static str, String)>> {
                 quoted(&trial.condition),
                 quoted(&trial.estimator),
                 quoted(&item.object),
-                item.outcome.words(),
+                quoted(item.outcome.words()),
                 item.attempts,
                 number(item.add_m),
                 number(item.adds_m),
@@ -208,9 +232,10 @@ fn quoted(text: &str) -> String {
     }
 }
 
-/// Whether the last attempt's grasp itself held: what a sweep asks, too.
-fn grasp_held(item: &crate::outcome::ItemResult) -> bool {
+/// Whether the grasp of an item that was tried once held: what a sweep asks, too. None of items that took more attempts, of
+/// which only the last one is known so well.
+fn grasp_held(item: &crate::outcome::ItemResult) -> Option<bool> {
     let c = item.clauses;
-    item.outcome == Outcome::Packed
-        || (c.opposing_contacts && c.lifted_clear && c.held_after_carry && c.slip_within)
+    (item.attempts == 1)
+        .then_some(c.opposing_contacts && c.lifted_clear && c.held_after_carry && c.slip_within)
 }

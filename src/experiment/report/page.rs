@@ -1,6 +1,6 @@
 //! The page itself.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write as _;
 
 use crate::benchmark::quantile;
@@ -46,6 +46,9 @@ pub fn html(sources: &Sources) -> Result<String> {
             (n, m) => format!("{n} trials, {m} grasps under pose errors"),
         }
     );
+    for note in &sources.notes {
+        let _ = write!(page, "<p class=note>{}</p>", escape(note));
+    }
     let by_cell = cells(&sources.trials);
     if trials > 0 {
         packed(&mut page, sources, &by_cell)?;
@@ -114,13 +117,13 @@ fn packed(page: &mut String, sources: &Sources, cells: &[Cell]) -> Result<()> {
                 first.to_string(),
                 second.to_string(),
                 none.to_string(),
-                format!("{:.3}", p.p),
+                p_value(p.p),
             ]
         });
         let header =
             ["scene", "condition", "estimators", "items", "both", "first alone", "second alone", "none", "p"];
         table(page, &header, &[3, 4, 5, 6, 7, 8], rows);
-        page.push_str("<p>p: McNemar's test, exact, two-sided.</p>");
+        page.push_str("<p>p: McNemar's test, exact, two-sided; items of one trial count as independent, so small values are too small.</p>");
     }
 
     if cells.iter().any(|c| c.packed < c.items) {
@@ -155,32 +158,48 @@ fn packed(page: &mut String, sources: &Sources, cells: &[Cell]) -> Result<()> {
 }
 
 fn times(page: &mut String, sources: &Sources) {
-    let trials: Vec<f64> = sources.timings.iter().map(|t| t.wall_s).collect();
-    if trials.is_empty() {
+    let estimators: BTreeSet<&str> = sources.timings.iter().map(|(name, _)| name.as_str()).collect();
+    if estimators.is_empty() {
         return;
     }
-    let items = || sources.timings.iter().flat_map(|t| &t.items);
-    let simulated = sources.trials.iter().map(|t| t.sim_s / t.requested.max(1) as f64).collect();
-    let rows = [
-        ("trial, wall", trials),
-        ("item: estimating its pose, wall", items().map(|t| t.estimate_s).collect()),
-        ("item: planning, wall", items().map(|t| t.plan_s).collect()),
-        ("item, simulated", simulated),
-    ];
     page.push_str("<h2>Time, seconds</h2>");
-    let rows = rows.into_iter().map(|(name, mut values): (&str, Vec<f64>)| {
-        values.sort_by(f64::total_cmp);
-        let sum: f64 = values.iter().sum();
-        let at = |q: f64| format!("{:.2}", quantile(&values, q));
-        vec![
-            name.to_owned(),
-            values.len().to_string(),
-            at(0.5),
-            format!("{:.2}", sum / values.len().max(1) as f64),
-            at(0.95),
+    let rows = estimators.into_iter().flat_map(|estimator| {
+        let timings = || sources.timings.iter().filter(move |(name, _)| name == estimator).map(|(_, t)| t);
+        let items = || timings().flat_map(|t| &t.items);
+        let trials = sources.trials.iter().filter(move |t| t.estimator == estimator);
+        let simulated = trials.map(|t| t.sim_s / t.requested.max(1) as f64).collect();
+        [
+            ("trial, wall", timings().map(|t| t.wall_s).collect()),
+            ("item: estimating its pose, wall", items().map(|t| t.estimate_s).collect()),
+            ("item: planning, wall", items().map(|t| t.plan_s).collect()),
+            ("item, simulated", simulated),
         ]
+        .into_iter()
+        .map(|(name, mut values): (&str, Vec<f64>)| {
+            values.sort_by(f64::total_cmp);
+            let sum: f64 = values.iter().sum();
+            let at =
+                |q: f64| if values.is_empty() { "-".into() } else { format!("{:.2}", quantile(&values, q)) };
+            vec![
+                estimator.to_owned(),
+                name.to_owned(),
+                values.len().to_string(),
+                at(0.5),
+                format!("{:.2}", sum / values.len().max(1) as f64),
+                at(0.95),
+            ]
+        })
+        .collect::<Vec<_>>()
     });
-    table(page, &["what", "of", "median", "mean", "95 % under"], &[1, 2, 3, 4], rows);
+    table(page, &["estimator", "what", "of", "median", "mean", "95 % under"], &[2, 3, 4, 5], rows);
+    page.push_str(
+        "<p>Wall times are those of as many trials at a time as were run, films of failures included.</p>",
+    );
+}
+
+/// A p value as text.
+pub fn p_value(p: f64) -> String {
+    if p < 0.001 { "< 0.001".into() } else { format!("{p:.3}") }
 }
 
 fn sweep_section(page: &mut String, sources: &Sources, sweep: &SweepSource, which: usize) -> Result<()> {
@@ -206,9 +225,9 @@ fn sweep_section(page: &mut String, sources: &Sources, sweep: &SweepSource, whic
         page.push_str(&svg);
         let mut header = vec!["object", "held without error, %"];
         header.extend(["x mm", "y mm", "z mm", "roll deg", "pitch deg", "yaw deg"]);
-        for (title, which) in [("half still hold (D50)", true), ("nine tenths still hold (D90)", false)] {
-            let _ =
-                write!(page, "<p><b>Error at which {title}, to either side, with its 95 % interval</b></p>");
+        let d50 = ("half still hold (D50)", ", with its 95 % interval", true);
+        for (title, interval, which) in [d50, ("nine tenths still hold (D90)", "", false)] {
+            let _ = write!(page, "<p><b>Error at which {title}, to either side{interval}</b></p>");
             let rows = objects.iter().map(|o| {
                 let without = o.without_error.as_ref().map_or("-".to_owned(), |s| {
                     format!("{} ({})", percent(s.share), s.interval.map(percent).join("-"))
@@ -318,9 +337,10 @@ fn shown(fall: Option<&Fall>, d50: bool, unit: f64) -> String {
 fn films(page: &mut String, sources: &Sources) -> Result<()> {
     let full: BTreeMap<Key, bool> =
         sources.trials.iter().map(|trial| (Key::of(trial), trial.packed == trial.requested)).collect();
-    for (good, most, title) in
-        [(false, BAD_FILMS, "Trials that did not pack everything"), (true, GOOD_FILMS, "Trials that did")]
-    {
+    for (good, most, title) in [
+        (false, BAD_FILMS, "Films of trials that did not pack everything"),
+        (true, GOOD_FILMS, "Films of trials that did"),
+    ] {
         let which: Vec<_> = sources.films.iter().filter(|(key, _)| full.get(key) == Some(&good)).collect();
         if which.is_empty() {
             continue;

@@ -71,7 +71,11 @@ impl Fall {
                     .flat_map(|_| groups[random.random_range(0..groups.len())].iter().copied())
                     .collect();
                 let fit = Logistic::fit(&cases(&mut picked.into_iter()));
-                fit.and_then(|fit| fit.falls_to(0.5)).unwrap_or(f64::INFINITY)
+                // Lower than a half from the beginning, or never down to it.
+                fit.map_or(f64::INFINITY, |fit| {
+                    let low = fit.probability(&[0.0]) < 0.5;
+                    fit.falls_to(0.5).unwrap_or(if low { 0.0 } else { f64::INFINITY })
+                })
             })
             .collect();
         drawn.sort_by(f64::total_cmp);
@@ -217,8 +221,8 @@ mod tests {
                     lifted_clear: held,
                     held_after_shake: held,
                     slip_within: held,
-                    slip_m: 0.0,
-                    slip_deg: 0.0,
+                    slip_m: None,
+                    slip_deg: None,
                 });
             }
         }

@@ -14,9 +14,8 @@ use std::path::Path;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
-use anyhow::{Context, Result, bail, ensure};
+use anyhow::Result;
 use grip_manip::{Grasp, Planner};
-use grip_sim::bop;
 use indicatif::ProgressBar;
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
@@ -24,7 +23,9 @@ use serde_json::{Value, json};
 use self::errors::{ErrorCase, PoseError};
 use self::test::{GraspOutcome, Layout};
 use super::journal::{self, Journal};
-use super::plan::differs;
+use super::plan;
+use super::trials::StopOnPanic;
+use crate::scenario;
 use crate::setup::Setup;
 
 /// Version of sweep.json.
@@ -70,10 +71,10 @@ pub struct GraspLine {
     pub held_after_shake: bool,
     /// Moved by at most 20 mm and turned by at most 20 degrees in the hand.
     pub slip_within: bool,
-    /// How far it moved in the hand, metres.
-    pub slip_m: f64,
-    /// How far it turned in the hand, degrees.
-    pub slip_deg: f64,
+    /// How far it moved in the hand, metres; none unless it was held to the end.
+    pub slip_m: Option<f64>,
+    /// How far it turned in the hand, degrees; none unless it was held to the end.
+    pub slip_deg: Option<f64>,
 }
 
 impl GraspLine {
@@ -113,7 +114,8 @@ impl Sweep {
         Ok(json!({
             "schema": SCHEMA,
             "program": env!("CARGO_PKG_VERSION"),
-            "objects": self.objects,
+            plan::BUILD: plan::build(),
+            "objects": self.objects.iter().map(|name| self.object(name)).collect::<Result<Vec<Value>>>()?,
             "object_set": self.setup.library.set().label(),
             "first_seed": self.seeds.0,
             "seeds": self.seeds.1,
@@ -121,9 +123,13 @@ impl Sweep {
             "friction": self.friction,
             "force_n": self.force_n,
             "cases": self.cases,
-            "robot": self.setup.robot.name(),
+            "robot": scenario::robot(&self.setup),
             "scene": self.setup.scene,
         }))
+    }
+
+    fn object(&self, name: &str) -> Result<Value> {
+        Ok(scenario::object(&*self.setup.library.load(name)?))
     }
 
     /// Makes the sweep's folder, or makes sure that it is the same sweep that goes on.
@@ -131,32 +137,7 @@ impl Sweep {
     /// # Errors
     /// When it is there although nothing is to be resumed, is another sweep, or cannot be written.
     pub fn begin(&self, out: &Path, resume: bool) -> Result<()> {
-        let path = out.join(MANIFEST);
-        let manifest = self.manifest()?;
-        if path.exists() {
-            ensure!(
-                resume,
-                "{}: has a sweep already; go on with it by --resume, or choose another --out",
-                out.display()
-            );
-            if let Some(field) = differs(&read_manifest(out)?, &manifest) {
-                bail!(
-                    "{}: {field} is not what it was when the sweep began; give the same options and files, or choose \
-                     another --out",
-                    path.display()
-                );
-            }
-            return Ok(());
-        }
-        ensure!(
-            !out.exists() || std::fs::read_dir(out).is_ok_and(|mut entries| entries.next().is_none()),
-            "{}: exists and is not the folder of a sweep; choose another --out",
-            out.display()
-        );
-        std::fs::create_dir_all(out).with_context(|| {
-            format!("{}: cannot be made; check permissions or choose another --out", out.display())
-        })?;
-        Ok(bop::write_atomic(&path, serde_json::to_string_pretty(&manifest)?.as_bytes())?)
+        plan::begin(out, MANIFEST, SCHEMA, &self.manifest()?, resume)
     }
 
     /// Tries what `out` lacks, on `jobs` threads; returns all grasps in their order, and how many were there before.
@@ -190,6 +171,7 @@ impl Sweep {
         let stop = AtomicBool::new(false);
         let shared = Mutex::new((journal, done));
         let worker = || -> Result<()> {
+            let _stop_others = StopOnPanic(&stop);
             while let Some((object, seed, cases)) = groups.get(next.fetch_add(1, Ordering::Relaxed)) {
                 let only = fixed.iter().find(|(name, _)| name == object).map(|(_, grasp)| grasp);
                 let layout = Layout::find(self, object, *seed, only)?;
@@ -230,5 +212,5 @@ impl Sweep {
 /// # Errors
 /// When there is no such file, or it is not one of ours.
 pub fn read_manifest(folder: &Path) -> Result<Value> {
-    super::plan::read_schema(&folder.join(MANIFEST), SCHEMA)
+    plan::read_schema(&folder.join(MANIFEST), SCHEMA)
 }

@@ -56,6 +56,8 @@ pub struct Layout {
     belief: BeliefScene,
     /// The grasp.
     pub grasp: Grasp,
+    /// Where the joints are at it.
+    q: Vec<f64>,
 }
 
 impl Layout {
@@ -91,11 +93,11 @@ impl Layout {
             };
             let belief = BeliefScene { objects: vec![believed], ..setup.empty_belief() };
             match sweep.planner.choose_grasp(&belief, 0, &setup.start, only) {
-                Ok(grasp) => {
+                Ok((grasp, q)) => {
                     let points = model_points(&model);
                     let (object, model) = (object.to_owned(), model.clone());
                     let layout =
-                        Self { object, seed, setup, model, points, world_from_object, belief, grasp };
+                        Self { object, seed, setup, model, points, world_from_object, belief, grasp, q };
                     // A layout at whose edge the arm cannot lift and shake says nothing about grasps.
                     if layout.plan(sweep, layout.grasp.world_from_gripper.iso()).is_some() {
                         return Ok(layout);
@@ -135,8 +137,8 @@ impl Layout {
             lifted_clear: false,
             held_after_shake: false,
             slip_within: false,
-            slip_m: 0.0,
-            slip_deg: 0.0,
+            slip_m: None,
+            slip_deg: None,
         };
         let Some(test) = self.plan(sweep, &displaced) else { return Ok(line) };
 
@@ -162,8 +164,9 @@ impl Layout {
         line.lifted_clear = clauses.lifted_clear;
         line.held_after_shake = clauses.held_after_carry;
         line.slip_within = clauses.slip_within;
-        line.slip_m = measures.slip_m;
-        line.slip_deg = measures.slip_deg;
+        if clauses.held_after_carry {
+            (line.slip_m, line.slip_deg) = (Some(measures.slip_m), Some(measures.slip_deg));
+        }
         line.outcome = match report.failure() {
             Some((ExecStage::Approach, _)) => GraspOutcome::CollisionOnApproach,
             Some((ExecStage::Grasp, _)) => GraspOutcome::Missed,
@@ -181,8 +184,8 @@ impl Layout {
     /// What to do to try the grasp with the hand at `world_from_gripper`; none where the arm does not reach.
     fn plan(&self, sweep: &Sweep, world_from_gripper: &Isometry3<f64>) -> Option<GraspTest> {
         let base_from_gripper = self.belief.world_from_base.iso().inverse() * world_from_gripper;
-        let near = &self.setup.start;
-        sweep.planner.plan_grasp_test(&self.belief, 0, &self.grasp, &base_from_gripper, near, sweep.force_n)
+        let force_n = sweep.force_n;
+        sweep.planner.plan_grasp_test(&self.belief, 0, &self.grasp, &base_from_gripper, &self.q, force_n)
     }
 
     /// Errors of poses do not depend on where the camera is.
