@@ -206,8 +206,8 @@ fn what_cannot_be_run_is_said_by_name() {
     for (args, words) in [
         (vec!["trials", "--shard", "3/2"], "3/2"),
         (vec!["trials", "--estimators", "magic"], "magic"),
-        (vec!["trials", "--estimators", "truth,truth"], "twice"),
-        (vec!["trials", "--estimators", "truth", "--conditions", "base,base"], "twice"),
+        (vec!["trials", "--estimators", "truth,truth"], "two are called truth"),
+        (vec!["trials", "--estimators", "truth", "--conditions", "base,base"], "two are called base"),
         (vec!["trials", "--estimators", "truth", "--conditions", "moonlight"], "moonlight"),
         (vec!["trials", "--estimators", "csv:none.csv"], "none.csv"),
         (vec!["trials", "--estimators", "truth", "--scene", "none.toml"], "none.toml"),

@@ -216,3 +216,49 @@ impl Observer for Watcher<'_, '_> {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::cli::{Cli, Command};
+    use clap::Parser;
+    use nalgebra::UnitQuaternion;
+    use std::f64::consts::FRAC_PI_2;
+
+    #[test]
+    fn a_marker_that_lies_flat_is_grasped_by_the_fingertips_whichever_side_is_up() {
+        let Command::Pack(args) = Cli::parse_from(["grip", "pack"]).command else { unreachable!() };
+        let setup = Setup::load(&args.scene, &args.condition).unwrap();
+        let planner = setup.planner(grip_manip::GraspAt::Best);
+        let model = setup.library.load("040_large_marker").unwrap();
+        let (table, pad) = (setup.scene.table.height, setup.config.gripper.pad_half_extents);
+        let long = (0..3).max_by(|&a, &b| model.size()[a].total_cmp(&model.size()[b])).unwrap();
+        for k in 0..8 {
+            // Its length along the world's x, turned about it.
+            let along = match long {
+                0 => UnitQuaternion::identity(),
+                1 => UnitQuaternion::from_euler_angles(0.0, 0.0, -FRAC_PI_2),
+                _ => UnitQuaternion::from_euler_angles(0.0, FRAC_PI_2, 0.0),
+            };
+            let rotation = UnitQuaternion::from_euler_angles(0.8 * f64::from(k), 0.0, 0.0) * along;
+            let lowest = model.visual.mesh.positions.iter().map(|p| (rotation * p.cast::<f64>()).z);
+            let height = table - lowest.fold(f64::INFINITY, f64::min);
+            let pose = Isometry3::from_parts([0.6, 0.05, height].into(), rotation);
+            let marker = BelievedObject {
+                name: model.info.name.clone(),
+                model: model.clone(),
+                world_from_object: Pose::new(pose),
+                poses: Vec::new(),
+                position_std_m: 0.0,
+                confidence: 1.0,
+                packed: false,
+            };
+            let belief = BeliefScene { objects: vec![marker], ..setup.empty_belief() };
+            let grasp = planner.choose_grasp(&belief, 0, &setup.start, None);
+            let (grasp, _) = grasp.unwrap_or_else(|e| panic!("{k}: {e} {:?}", e.counters.grasps));
+            let tip = grasp.world_from_gripper.transform_point(&Point3::new(pad.x, 0.0, 0.0)).z - table;
+            let margin = planner.settings().grasp.margin;
+            assert!(tip >= margin - 1e-6 && tip < 0.015, "{k}: {tip}");
+        }
+    }
+}
