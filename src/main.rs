@@ -27,6 +27,7 @@ mod score;
 mod scorecard;
 mod setup;
 mod trial;
+mod workers;
 
 use std::process::ExitCode;
 

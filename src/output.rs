@@ -2,8 +2,10 @@
 
 use std::fmt::Arguments;
 use std::io::{self, Write};
+use std::time::Duration;
 
 use comfy_table::{CellAlignment, Table, presets::NOTHING};
+use indicatif::{ProgressBar, ProgressStyle};
 
 /// A line of data on stdout.
 ///
@@ -19,6 +21,17 @@ pub fn data(line: Arguments<'_>) -> anyhow::Result<()> {
 /// A line for people on stderr; nobody is helped when that fails.
 pub fn message(line: Arguments<'_>) {
     let _ = writeln!(io::stderr().lock(), "{line}");
+}
+
+/// A bar over many pieces of work, on a terminal only: time, share, what is left, and a message.
+pub fn progress(unit: &str) -> ProgressBar {
+    let progress = ProgressBar::new(0);
+    let template = format!("{{elapsed_precise}} {{wide_bar}} {{pos}}/{{len}} {unit}, {{eta}} left {{msg}}");
+    if let Ok(style) = ProgressStyle::with_template(&template) {
+        progress.set_style(style);
+    }
+    progress.enable_steady_tick(Duration::from_millis(500));
+    progress
 }
 
 /// A table without lines; `right` names the columns that are aligned to the right.

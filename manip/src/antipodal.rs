@@ -70,6 +70,21 @@ pub struct GraspCandidate {
     pub fits_wide: bool,
 }
 
+impl GraspCandidate {
+    /// Of the gripper at `object_from_gripper`, centred, and what its pads touch there.
+    pub(crate) fn new(object_from_gripper: Isometry3<f64>, contact: &PadContact, fits_wide: bool) -> Self {
+        Self {
+            object_from_gripper: Pose::new(object_from_gripper),
+            width: contact.width,
+            contact_share: contact.share,
+            cone_angle: contact.cone_angle,
+            contact_depth: contact.depth,
+            contact_spread: contact.spread,
+            fits_wide,
+        }
+    }
+}
+
 /// Where two flat pads would touch.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PadContact {
@@ -289,15 +304,7 @@ pub fn grasp_at(
     let opening = narrow_opening(coarse.width, gripper).max(opening);
     let contact = pad_contact(surface, pad, pose, opening, Look::Fine).filter(|c| holds(c) && fits(c))?;
     let pose = centred(&contact);
-    Some(GraspCandidate {
-        object_from_gripper: Pose::new(pose),
-        width: contact.width,
-        contact_share: contact.share,
-        cone_angle: contact.cone_angle,
-        contact_depth: contact.depth,
-        contact_spread: contact.spread,
-        fits_wide: clear(hand_fits, &pose, gripper.opening),
-    })
+    Some(GraspCandidate::new(pose, &contact, clear(hand_fits, &pose, gripper.opening)))
 }
 
 /// The opening for tight places: 12 mm of air on each side of the object.

@@ -52,6 +52,9 @@ pub enum Error {
     /// The physics world could not be built or went astray.
     #[error("world: {0}")]
     World(String),
+    /// A scene's objects could not be laid out from a seed.
+    #[error("world: {0}")]
+    NoLayout(String),
 }
 
 impl Error {

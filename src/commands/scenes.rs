@@ -29,8 +29,7 @@ pub fn run(args: &ScenesArgs) -> Result<Done> {
     let device = render::open(args.scene.renderer.into())?.device();
     let plan = Plan::new(args, &setup, device)?;
     plan.claim(&args.out, args.resume)?;
-    let jobs =
-        args.jobs.unwrap_or_else(|| std::thread::available_parallelism().map_or(1, |n| n.get() as u32));
+    let jobs = args.jobs.unwrap_or_else(|| crate::workers::cores() as u32);
 
     let began = Instant::now();
     let progress = bar();

@@ -1,17 +1,16 @@
 //! `grip sweep`: grasps under known pose errors, and what to print of them.
 
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 use anyhow::{Context, Result, bail, ensure};
-use indicatif::{ProgressBar, ProgressStyle};
 
 use super::Done;
 use crate::cli::{GraspAt, Mode, Renderer, SceneArgs, SweepArgs};
 use crate::experiment::sweep::errors::{Axis, along_axes, isotropic};
 use crate::experiment::sweep::fits::{Fall, ObjectResult, results};
 use crate::experiment::sweep::{GraspLine, Sweep};
-use crate::output;
 use crate::setup::Setup;
+use crate::{output, workers};
 
 /// The published protocol's six, in the order of its table.
 const OBJECTS: [&str; 6] = [
@@ -28,11 +27,8 @@ pub fn run(args: &SweepArgs) -> Result<Done> {
     let began = Instant::now();
     let sweep = open(args)?;
     sweep.begin(&args.out, args.resume)?;
-    let progress = bar();
-    let jobs = args.jobs.map_or_else(
-        || std::thread::available_parallelism().map_or(1, std::num::NonZero::get),
-        |jobs| jobs as usize,
-    );
+    let progress = output::progress("grasps");
+    let jobs = args.jobs.map_or_else(workers::cores, |jobs| jobs as usize);
     let done = sweep.run(&args.out, jobs, &progress);
     progress.finish_and_clear();
     let (lines, kept) = done?;
@@ -43,6 +39,11 @@ pub fn run(args: &SweepArgs) -> Result<Done> {
         3600.0 * run as f64 / seconds.max(1e-9),
         args.out.display()
     ));
+    let left_out = sweep.grasps() - lines.len();
+    if left_out > 0 {
+        output::message(format_args!("{left_out} grasps were not tried: no layout of their seeds has one"));
+        return Ok(Done::Short);
+    }
     Ok(Done::Fully)
 }
 
@@ -114,16 +115,6 @@ fn setup(args: &SweepArgs) -> Result<Setup> {
         package_path: args.robot.package_path.clone(),
     };
     Setup::open(&scene_args, "scenes/grocery.toml", "base")
-}
-
-fn bar() -> ProgressBar {
-    let progress = ProgressBar::new(0);
-    let template = "{elapsed_precise} {wide_bar} {pos}/{len} grasps, {eta} left";
-    if let Ok(style) = ProgressStyle::with_template(template) {
-        progress.set_style(style);
-    }
-    progress.enable_steady_tick(Duration::from_millis(500));
-    progress
 }
 
 /// The figures of a sweep: a table, or JSON.

@@ -1,19 +1,19 @@
 //! `grip trials`: an experiment of many trials, and what to print of it.
 
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
-use anyhow::Result;
+use anyhow::{Result, bail};
 use grip_sim::render;
-use indicatif::{ProgressBar, ProgressStyle};
 
 use super::Done;
 use crate::cli::TrialsArgs;
+use crate::experiment::items;
 use crate::experiment::plan::Plan;
 use crate::experiment::report::p_value;
 use crate::experiment::summary::{cells, pairs};
-use crate::experiment::{items, trials};
+use crate::experiment::trials::{self, Ran};
 use crate::outcome::TrialResult;
-use crate::output;
+use crate::{output, workers};
 
 /// Runs what is missing, prints the figures of all.
 pub fn run(args: &TrialsArgs) -> Result<Done> {
@@ -22,14 +22,14 @@ pub fn run(args: &TrialsArgs) -> Result<Done> {
     let renderer = render::open(args.renderer.into())?.name();
     let plan = Plan::new(args, renderer)?;
     plan.begin(&args.out, args.resume)?;
-    let progress = bar();
-    let jobs = args.jobs.map_or_else(
-        || std::thread::available_parallelism().map_or(1, std::num::NonZero::get),
-        |jobs| jobs as usize,
-    );
+    let progress = output::progress("trials");
+    let jobs = args.jobs.map_or_else(workers::cores, |jobs| jobs as usize);
     let done = trials::run(&plan, &args.out, jobs, args.renderer.into(), &progress);
     progress.finish_and_clear();
-    let (results, kept) = done?;
+    let Ran { results, kept, left_out } = done?;
+    if let (true, Some(why)) = (results.is_empty(), left_out.first()) {
+        bail!("{why}");
+    }
     items::write(&results, &args.out)?;
     print(&results, args.json)?;
     let (run, seconds) = (results.len() - kept, began.elapsed().as_secs_f64());
@@ -38,17 +38,14 @@ pub fn run(args: &TrialsArgs) -> Result<Done> {
         "{run} trials in {seconds:.0} s, {hourly:.0} an hour, {kept} kept from before: {}",
         args.out.display()
     ));
-    Ok(Done::Fully)
-}
-
-fn bar() -> ProgressBar {
-    let progress = ProgressBar::new(0);
-    let template = "{elapsed_precise} {wide_bar} {pos}/{len} trials, {eta} left, {msg}";
-    if let Ok(style) = ProgressStyle::with_template(template) {
-        progress.set_style(style);
+    if !left_out.is_empty() {
+        output::message(format_args!(
+            "{} trials have no result: the scene's objects could not be laid out from their seeds",
+            left_out.len()
+        ));
+        return Ok(Done::Short);
     }
-    progress.enable_steady_tick(Duration::from_millis(500));
-    progress
+    Ok(Done::Fully)
 }
 
 /// The figures of an experiment: a table, or JSON.

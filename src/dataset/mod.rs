@@ -20,6 +20,7 @@ use indicatif::ProgressBar;
 pub use self::plan::Plan;
 pub use self::scene::Timings;
 use crate::setup::Setup;
+use crate::workers;
 
 /// What became of a run of `grip scenes`.
 #[derive(Debug, Default)]
@@ -69,9 +70,8 @@ pub fn make(
     bop::write_camera(out, &plan.camera_file())?;
 
     let next = AtomicU32::new(0);
-    let stop = AtomicBool::new(false);
     let made = Mutex::new(Made { kept, ..Made::default() });
-    let worker = || -> Result<()> {
+    let worker = |stop: &AtomicBool| {
         let mut renderer = render::open(renderer)?;
         while !stop.load(Ordering::Relaxed) {
             let Some(&number) = missing.get(next.fetch_add(1, Ordering::Relaxed) as usize) else { break };
@@ -84,16 +84,8 @@ pub fn make(
         }
         Ok(())
     };
-    let workers = (jobs as usize).clamp(1, missing.len().max(1));
-    std::thread::scope(|scope| {
-        let handles: Vec<_> = (0..workers)
-            .map(|_| scope.spawn(|| worker().inspect_err(|_| stop.store(true, Ordering::Relaxed))))
-            .collect();
-        handles.into_iter().try_for_each(|handle| match handle.join() {
-            Ok(result) => result,
-            Err(panic) => std::panic::resume_unwind(panic),
-        })
-    })?;
+    let threads = (jobs as usize).clamp(1, missing.len().max(1));
+    workers::run(threads, worker)?;
 
     let began = Instant::now();
     let mut made = made.into_inner().unwrap_or_else(std::sync::PoisonError::into_inner);

@@ -5,10 +5,10 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
-use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::sync::{Mutex, MutexGuard};
 
-use anyhow::{Context, Result, ensure};
+use anyhow::{Result, ensure};
 use grip_sim::bop;
 use grip_sim::render::{self, RendererChoice};
 use indicatif::ProgressBar;
@@ -18,7 +18,7 @@ use super::journal::{self, Journal};
 use super::plan::{Case, Key, Plan, Stage, TIMINGS, TRIALS};
 use crate::outcome::{Timing, TrialResult};
 use crate::trial::{self, Pictures, Spec};
-use crate::{film, pictures};
+use crate::{film, pictures, workers};
 
 /// How long a trial took: a line of timings.jsonl.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -36,9 +36,20 @@ struct Ledger {
     trials: Journal,
     timings: Journal,
     done: Vec<TrialResult>,
+    left_out: Vec<String>,
 }
 
-/// Runs what `out` lacks of the plan, in `jobs` threads; returns all results in their order, and how many were there before.
+/// What an experiment has come to.
+pub struct Ran {
+    /// All results, in their order.
+    pub results: Vec<TrialResult>,
+    /// How many of them were there before.
+    pub kept: usize,
+    /// Trials without a result, because their objects could not be laid out; what was tried.
+    pub left_out: Vec<String>,
+}
+
+/// Runs what `out` lacks of the plan, in `jobs` threads. A trial whose objects cannot be laid out is left out with a warning.
 ///
 /// # Errors
 /// When a trial cannot be run, or a result cannot be written; results that are written by then stay.
@@ -48,7 +59,7 @@ pub fn run(
     jobs: usize,
     renderer: RendererChoice,
     progress: &ProgressBar,
-) -> Result<(Vec<TrialResult>, usize)> {
+) -> Result<Ran> {
     let (trials, done) = Journal::open::<TrialResult>(&out.join(TRIALS))?;
     let (timings, _) = Journal::open::<TimingLine>(&out.join(TIMINGS))?;
     let known: BTreeSet<Key> = done.iter().map(Key::of).collect();
@@ -59,15 +70,13 @@ pub fn run(
     progress.reset_eta();
 
     let next = AtomicUsize::new(0);
-    let stop = AtomicBool::new(false);
-    let ledger = Mutex::new(Ledger { trials, timings, done });
-    let worker = || -> Result<()> {
+    let ledger = Mutex::new(Ledger { trials, timings, done, left_out: Vec::new() });
+    let worker = |stop: &AtomicBool| {
         let mut renderer = render::open(renderer)?;
         ensure!(
             renderer.name() == plan.options.renderer,
             "the graphics adapter cannot be opened once for each of {jobs} jobs; give fewer --jobs, or --renderer cpu"
         );
-        let _stop_others = StopOnPanic(&stop);
         while !stop.load(Ordering::Relaxed) {
             let Some(case) = missing.get(next.fetch_add(1, Ordering::Relaxed)) else { break };
             let Key { seed, scene, condition, estimator } = &case.key;
@@ -81,18 +90,27 @@ pub fn run(
             let Stage { planner, perceptions, .. } = &plan.stages[case.scene];
             let perception = &perceptions[case.estimator];
             let quiet = ProgressBar::hidden();
-            let trial =
-                trial::run(&setup, &spec, &plan.options, planner, perception, renderer.as_mut(), &quiet)
-                    .with_context(|| {
-                        format!("scene {scene}, condition {condition}, {estimator}, seed {seed}")
-                    })?;
+            let ran =
+                trial::run(&setup, &spec, &plan.options, planner, perception, renderer.as_mut(), &quiet);
+            let which = || format!("scene {scene}, condition {condition}, {estimator}, seed {seed}");
+            let trial = match ran {
+                Ok(trial) => trial,
+                Err(error) if matches!(error.downcast_ref(), Some(grip_sim::Error::NoLayout(_))) => {
+                    let why = format!("{}: {error}", which());
+                    progress.suspend(|| log::warn!("left out: {why}"));
+                    lock(&ledger).left_out.push(why);
+                    progress.inc(1);
+                    continue;
+                }
+                Err(error) => return Err(error.context(which())),
+            };
             if !trial.strips.is_empty() {
                 let film = pictures::jpeg(&film::sheet(&trial.strips))?;
                 bop::write_atomic(&out.join(case.key.film()), &film)?;
             }
             let mut result = trial.result;
             let timing = result.timing.take();
-            let mut ledger = ledger.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
+            let mut ledger = lock(&ledger);
             // The result last: with it the trial is done.
             if let Some(timing) = timing {
                 ledger.timings.append(&TimingLine { key: case.key.clone(), timing })?;
@@ -104,39 +122,23 @@ pub fn run(
         }
         Ok(())
     };
-    let workers = jobs.clamp(1, missing.len().max(1));
-    std::thread::scope(|scope| {
-        let handles: Vec<_> = (0..workers)
-            .map(|_| scope.spawn(|| worker().inspect_err(|_| stop.store(true, Ordering::Relaxed))))
-            .collect();
-        handles.into_iter().try_for_each(|handle| match handle.join() {
-            Ok(result) => result,
-            Err(panic) => std::panic::resume_unwind(panic),
-        })
-    })?;
+    workers::run(jobs.clamp(1, missing.len().max(1)), worker)?;
 
-    let Ledger { trials, timings, mut done } =
+    let Ledger { trials, timings, done: mut results, left_out } =
         ledger.into_inner().unwrap_or_else(std::sync::PoisonError::into_inner);
-    done.sort_by_key(Key::of);
+    results.sort_by_key(Key::of);
     // In order of the trials, not of their ends: the same bytes from every run.
-    journal::write_whole(&out.join(TRIALS), &done)?;
+    journal::write_whole(&out.join(TRIALS), &results)?;
     let mut seconds: BTreeMap<Key, TimingLine> = BTreeMap::new();
     let lines = journal::read::<TimingLine>(&out.join(TIMINGS))?;
     seconds.extend(lines.into_iter().map(|line| (line.key.clone(), line)));
     journal::write_whole(&out.join(TIMINGS), &seconds.into_values().collect::<Vec<_>>())?;
     drop((trials, timings));
-    Ok((done, kept))
+    Ok(Ran { results, kept, left_out })
 }
 
-/// Has the other threads stop when this one panics, rather than at the end of all work.
-pub struct StopOnPanic<'a>(pub &'a AtomicBool);
-
-impl Drop for StopOnPanic<'_> {
-    fn drop(&mut self) {
-        if std::thread::panicking() {
-            self.0.store(true, Ordering::Relaxed);
-        }
-    }
+fn lock(ledger: &Mutex<Ledger>) -> MutexGuard<'_, Ledger> {
+    ledger.lock().unwrap_or_else(std::sync::PoisonError::into_inner)
 }
 
 /// Shares of items packed until now, by estimator.

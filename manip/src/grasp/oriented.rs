@@ -114,14 +114,6 @@ fn drawn_back(
     let opening = narrow_opening(candidate.width, gripper);
     let contact = pad_contact(surface, pad, &pose, opening, Look::Fine).filter(|c| c.cone_angle <= cone)?;
     pose.translation.vector += pose.rotation * Vector3::y() * contact.center;
-    Some(GraspCandidate {
-        object_from_gripper: Pose::new(pose),
-        width: contact.width,
-        contact_share: contact.share,
-        cone_angle: contact.cone_angle,
-        contact_depth: contact.depth,
-        contact_spread: contact.spread,
-        // The hand was clear nearer to the object.
-        fits_wide: candidate.fits_wide,
-    })
+    // The hand was clear nearer to the object.
+    Some(GraspCandidate::new(pose, &contact, candidate.fits_wide))
 }

@@ -128,7 +128,7 @@ pub fn drop_objects(
         }
     }
     rejected.dedup();
-    Err(Error::World(format!(
+    Err(Error::NoLayout(format!(
         "no layout of {} objects in {ATTEMPTS} attempts ({}); enlarge objects.size, lower objects.gap, or use fewer objects",
         models.len(),
         rejected.join("; ")

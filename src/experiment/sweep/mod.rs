@@ -14,7 +14,7 @@ use std::path::Path;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
-use anyhow::Result;
+use anyhow::{Result, anyhow, ensure};
 use grip_manip::{Grasp, Planner};
 use indicatif::ProgressBar;
 use serde::{Deserialize, Serialize};
@@ -24,9 +24,9 @@ use self::errors::{ErrorCase, PoseError};
 use self::test::{GraspOutcome, Layout};
 use super::journal::{self, Journal};
 use super::plan;
-use super::trials::StopOnPanic;
 use crate::scenario;
 use crate::setup::Setup;
+use crate::workers;
 
 /// Version of sweep.json.
 const SCHEMA: &str = "grip.sweep/1";
@@ -140,10 +140,16 @@ impl Sweep {
         plan::begin(out, MANIFEST, SCHEMA, &self.manifest()?, resume)
     }
 
-    /// Tries what `out` lacks, on `jobs` threads; returns all grasps in their order, and how many were there before.
+    /// How many grasps there are to try.
+    pub fn grasps(&self) -> usize {
+        self.cases.len() * self.objects.len() * self.seeds.1 as usize
+    }
+
+    /// Tries what `out` lacks, on `jobs` threads; returns all grasps in their order, and how many were there before. A seed
+    /// without a layout that has a grasp is left out with a warning.
     ///
     /// # Errors
-    /// When an object has no layout with a grasp, or a result cannot be written; what is written by then stays.
+    /// When none of an object's seeds has such a layout, or a result cannot be written; what is written by then stays.
     pub fn run(&self, out: &Path, jobs: usize, progress: &ProgressBar) -> Result<(Vec<GraspLine>, usize)> {
         let (journal, done) = Journal::open::<GraspLine>(&out.join(GRASPS))?;
         let kept = done.len();
@@ -157,24 +163,30 @@ impl Sweep {
             .map(|(object, seed)| (object, seed, missing(object, seed)))
             .filter(|(_, _, cases)| !cases.is_empty())
             .collect();
-        progress.set_length((self.cases.len() * self.objects.len()) as u64 * u64::from(count));
+        progress.set_length(self.grasps() as u64);
         progress.set_position(kept as u64);
         progress.reset_eta();
 
         let mut fixed: Vec<(&String, Grasp)> = Vec::new();
         if self.strategy == Strategy::Fixed {
             for object in &self.objects {
-                fixed.push((object, Layout::find(self, object, first, None)?.grasp));
+                let layout = Layout::find(self, object, first, None)?.map_err(|why| anyhow!(why))?;
+                fixed.push((object, layout.grasp));
             }
         }
         let next = AtomicUsize::new(0);
-        let stop = AtomicBool::new(false);
         let shared = Mutex::new((journal, done));
-        let worker = || -> Result<()> {
-            let _stop_others = StopOnPanic(&stop);
+        let worker = |stop: &AtomicBool| {
             while let Some((object, seed, cases)) = groups.get(next.fetch_add(1, Ordering::Relaxed)) {
                 let only = fixed.iter().find(|(name, _)| name == object).map(|(_, grasp)| grasp);
-                let layout = Layout::find(self, object, *seed, only)?;
+                let layout = match Layout::find(self, object, *seed, only)? {
+                    Ok(layout) => layout,
+                    Err(why) => {
+                        progress.suspend(|| log::warn!("seed {seed}: left out: {why}"));
+                        progress.inc(cases.len() as u64);
+                        continue;
+                    }
+                };
                 for &case in cases {
                     if stop.load(Ordering::Relaxed) {
                         return Ok(());
@@ -189,20 +201,17 @@ impl Sweep {
             }
             Ok(())
         };
-        let workers = jobs.clamp(1, groups.len().max(1));
-        std::thread::scope(|scope| {
-            let handles: Vec<_> = (0..workers)
-                .map(|_| scope.spawn(|| worker().inspect_err(|_| stop.store(true, Ordering::Relaxed))))
-                .collect();
-            handles.into_iter().try_for_each(|handle| match handle.join() {
-                Ok(result) => result,
-                Err(panic) => std::panic::resume_unwind(panic),
-            })
-        })?;
+        workers::run(jobs.clamp(1, groups.len().max(1)), worker)?;
         let (journal, mut done) = shared.into_inner().unwrap_or_else(std::sync::PoisonError::into_inner);
         done.sort_by_key(GraspLine::key);
         journal::write_whole(&out.join(GRASPS), &done)?;
         drop(journal);
+        for object in &self.objects {
+            ensure!(
+                done.iter().any(|line| &line.object == object),
+                "{object}: no seed has a layout with a grasp to try; give other --seeds, another --scene or another object"
+            );
+        }
         Ok((done, kept))
     }
 }

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use anyhow::{Result, bail};
+use anyhow::Result;
 use grip_manip::executor::{ExecStage, ExecutorSettings, Observer, StepReport, execute_steps};
 use grip_manip::grasp_test::GraspTest;
 use grip_manip::{BeliefScene, BelievedObject, Grasp, StepName};
@@ -61,11 +61,16 @@ pub struct Layout {
 }
 
 impl Layout {
-    /// The first layout of `object` and `seed` with a grasp within reach: with `only`, that grasp.
+    /// The first layout of `object` and `seed` with a grasp within reach: with `only`, that grasp. If there is none, why not.
     ///
     /// # Errors
-    /// When there is none, or the object cannot be loaded.
-    pub fn find(sweep: &Sweep, object: &str, seed: u64, only: Option<&Grasp>) -> Result<Self> {
+    /// When the object cannot be loaded or laid out.
+    pub fn find(
+        sweep: &Sweep,
+        object: &str,
+        seed: u64,
+        only: Option<&Grasp>,
+    ) -> Result<std::result::Result<Self, String>> {
         let mut model = sweep.setup.library.load(object)?;
         if let Some(friction) = sweep.friction {
             let mut other = (*model).clone();
@@ -100,7 +105,7 @@ impl Layout {
                         Self { object, seed, setup, model, points, world_from_object, belief, grasp, q };
                     // A layout at whose edge the arm cannot lift and shake says nothing about grasps.
                     if layout.plan(sweep, layout.grasp.world_from_gripper.iso()).is_some() {
-                        return Ok(layout);
+                        return Ok(Ok(layout));
                     }
                     reason = "the arm does not reach the lift and the shake".into();
                 }
@@ -110,7 +115,7 @@ impl Layout {
                 }
             }
         }
-        bail!("{object}: none of {LAYOUTS} layouts has a grasp to try; {reason}")
+        Ok(Err(format!("{object}: none of {LAYOUTS} layouts has a grasp to try; {reason}")))
     }
 
     /// Tries the grasp with the sweep's error number `case`.

@@ -5,9 +5,9 @@ use std::str::FromStr;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
 
-use crate::experiment::plan::Shard;
-use crate::experiment::sweep::Strategy;
-use crate::experiment::sweep::errors::Axis;
+mod experiments;
+
+pub use experiments::{MergeArgs, Mode, ReportArgs, SweepArgs, TrialsArgs};
 
 /// Grocery packing in simulation: GRIP estimates poses, a Fetch packs, physics decides, every grasp is scored.
 #[derive(Debug, Parser)]
@@ -127,156 +127,6 @@ pub struct PackArgs {
     /// Print the result as one JSON object on stdout.
     #[arg(long)]
     pub json: bool,
-}
-
-/// `grip trials`.
-#[derive(Debug, Args)]
-pub struct TrialsArgs {
-    /// Trials of each scene, condition and estimator: one a seed, from --seed on.
-    #[arg(long, value_name = "N", default_value_t = 10, value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
-    pub trials: u32,
-    /// The first seed.
-    #[arg(long, value_name = "S", default_value_t = 1)]
-    pub seed: u64,
-    /// Scene files [default: scenes/grocery.toml].
-    #[arg(long, value_name = "FILE", num_args = 1..)]
-    pub scene: Vec<PathBuf>,
-    /// Conditions, by name or file, separated by commas.
-    #[arg(long, value_name = "LIST", value_delimiter = ',', default_value = "base")]
-    pub conditions: Vec<String>,
-    /// Estimators, separated by commas: grip, truth, csv:FILE.
-    #[arg(long, value_name = "LIST", value_delimiter = ',', default_value = "grip")]
-    pub estimators: Vec<Estimator>,
-    /// Who proposes boxes.
-    #[arg(long, value_enum, default_value_t = Detector::Pyramid)]
-    pub detector: Detector,
-    #[command(flatten)]
-    pub network: DetectorArgs,
-    /// Whether grasps are scored at the best pose alone or over the posterior.
-    #[arg(long, value_enum, default_value_t = GraspAt::Posterior)]
-    pub grasp_at: GraspAt,
-    /// Folder of grasps to use instead of those that are found.
-    #[arg(long, value_name = "DIR")]
-    pub grasps: Option<PathBuf>,
-    /// Who draws: `auto` takes wgpu where a graphics adapter exists, else the CPU.
-    #[arg(long, value_enum, default_value_t = Renderer::Auto)]
-    pub renderer: Renderer,
-    /// Folder of scanned objects [env: GRIP_YCB_DIR].
-    #[arg(long, value_name = "DIR")]
-    pub ycb: Option<PathBuf>,
-    #[command(flatten)]
-    pub robot: RobotFile,
-    /// Folder of the experiment.
-    #[arg(long, value_name = "DIR", default_value = "runs/trials")]
-    pub out: PathBuf,
-    /// Trials run at the same time [default: one a core]; results do not depend on it.
-    #[arg(long, value_name = "J", value_parser = clap::value_parser!(u32).range(1..=256))]
-    pub jobs: Option<u32>,
-    /// Go on with the experiment in the folder.
-    #[arg(long)]
-    pub resume: bool,
-    /// Run only every N-th seed, beginning with the I-th; `grip merge` puts the shards together.
-    #[arg(long, value_name = "I/N")]
-    pub shard: Option<Shard>,
-    /// Print the figures as one JSON object on stdout.
-    #[arg(long)]
-    pub json: bool,
-}
-
-/// `grip merge`.
-#[derive(Debug, Args)]
-pub struct MergeArgs {
-    /// Folders of an experiment's shards.
-    #[arg(value_name = "DIR", required = true)]
-    pub folders: Vec<PathBuf>,
-    /// Folder of the whole experiment.
-    #[arg(long, value_name = "DIR")]
-    pub out: PathBuf,
-    /// Print the figures as one JSON object on stdout.
-    #[arg(long)]
-    pub json: bool,
-}
-
-/// `grip report`.
-#[derive(Debug, Args)]
-pub struct ReportArgs {
-    /// Folders that trials, merge, sweep and pack have made, and figures (SVG) to show with them.
-    #[arg(value_name = "DIR|SVG", required = true)]
-    pub sources: Vec<PathBuf>,
-    /// The page; CSV files get its name.
-    #[arg(long, value_name = "FILE", default_value = "runs/report.html")]
-    pub out: PathBuf,
-}
-
-/// `grip sweep`.
-#[derive(Debug, Args)]
-pub struct SweepArgs {
-    /// Objects by name [default: soup can, meat can, cracker box, mustard, banana, marker].
-    #[arg(value_name = "OBJECT")]
-    pub objects: Vec<String>,
-    /// Directions of the gripper's frame: x approach, y closing, z sideways, and turns about them.
-    #[arg(
-        long,
-        value_enum,
-        value_name = "LIST",
-        value_delimiter = ',',
-        default_value = "x,y,z,roll,pitch,yaw"
-    )]
-    pub axes: Vec<Axis>,
-    /// Largest error in each direction: millimetres and degrees.
-    #[arg(long, value_name = "MM,DEG", value_delimiter = ',', num_args = 1, default_value = "40,45")]
-    pub range: Vec<f64>,
-    /// Errors: along one axis after the other, evenly from end to end, or at random in all six.
-    #[arg(long, value_enum, default_value_t = Mode::Axis)]
-    pub mode: Mode,
-    /// Errors along each axis, or random errors a layout [default: 9, or 20].
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(2..=10_000))]
-    pub samples: Option<u32>,
-    /// Layouts of each object, one a seed: where it stands or lies, and so which grasp is chosen.
-    #[arg(long, value_name = "N", default_value_t = 50, value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
-    pub seeds: u32,
-    /// The first seed.
-    #[arg(long, value_name = "S", default_value_t = 1)]
-    pub seed: u64,
-    /// Which grasp is tried: `planned`, the planner's choice at each layout, or `fixed`, one for each object.
-    #[arg(long, value_enum, default_value_t = Strategy::Planned)]
-    pub grasp: Strategy,
-    /// Coulomb friction of the objects in place of their own: against the table, and against the pads, whose own of 0.9 counts
-    /// half. The force that is taken by default follows it.
-    #[arg(long, value_name = "MU")]
-    pub friction: Option<f64>,
-    /// Force of each finger, newtons, in place of what weight and friction need.
-    #[arg(long, value_name = "N")]
-    pub force: Option<f64>,
-    /// Scene whose table, region and robot are used [default: scenes/grocery.toml].
-    #[arg(long, value_name = "FILE")]
-    pub scene: Option<PathBuf>,
-    /// Folder of scanned objects [env: GRIP_YCB_DIR].
-    #[arg(long, value_name = "DIR")]
-    pub ycb: Option<PathBuf>,
-    #[command(flatten)]
-    pub robot: RobotFile,
-    /// Folder of the sweep.
-    #[arg(long, value_name = "DIR", default_value = "runs/sweep")]
-    pub out: PathBuf,
-    /// Grasps tried at the same time [default: one a core]; results do not depend on it.
-    #[arg(long, value_name = "J", value_parser = clap::value_parser!(u32).range(1..=256))]
-    pub jobs: Option<u32>,
-    /// Go on with the sweep in the folder.
-    #[arg(long)]
-    pub resume: bool,
-    /// Print the figures as one JSON object on stdout.
-    #[arg(long)]
-    pub json: bool,
-}
-
-/// How errors are chosen.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub enum Mode {
-    /// One axis after the other.
-    Axis,
-    /// At random.
-    Isotropic,
 }
 
 /// Poses at which grasps are scored.
