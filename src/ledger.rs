@@ -1,10 +1,10 @@
 //! What is known about each item while a trial goes on, and the verdict that it leaves.
 
-use grip_manip::executor::{ExecStage, ExecutionReport};
+use grip_manip::executor::{ExecCause, ExecStage, ExecutionReport};
 use grip_sim::physics::World;
 use grip_sim::pose::{Object, Pose, World as WorldFrame};
 
-use crate::outcome::{Clauses, FailedAttempt, ItemResult, Measures, Outcome, Stage};
+use crate::outcome::{Clauses, FailedAttempt, FirstAttempt, ItemResult, Measures, Outcome, Stage};
 use crate::score;
 use crate::scorecard::harmless_impulse;
 use crate::setup::Setup;
@@ -36,6 +36,8 @@ pub struct Ledger {
     pub wrong_object: bool,
     /// Attempts in which they did.
     pub wrong_objects: u32,
+    /// How the first attempt went.
+    pub first_attempt: Option<FirstAttempt>,
     /// Attempts that failed by the robot's own account.
     pub failed_attempts: Vec<FailedAttempt>,
     /// Other items that moved during attempts at this one: on the table, in the bin.
@@ -62,6 +64,16 @@ impl Ledger {
         self.adds_m = add_and_adds.map(|(_, adds)| adds);
     }
 
+    /// An attempt has ended, by whatever account; clauses and errors are known.
+    pub fn close_attempt(&mut self) {
+        let c = self.clauses;
+        self.first_attempt.get_or_insert(FirstAttempt {
+            add_m: self.add_m,
+            adds_m: self.adds_m,
+            held: c.opposing_contacts && c.lifted_clear && c.held_after_carry && c.slip_within,
+        });
+    }
+
     /// Why an item was not even tried again; what an attempt has shown weighs more.
     pub fn pass_over(&mut self, outcome: Outcome, stage: Stage, reason: impl Into<String>) {
         if self.attempts == 0 {
@@ -76,15 +88,22 @@ impl Ledger {
 
 /// What went wrong by the executor's own account; `None` when it says that all is well.
 pub fn failure_of(report: &ExecutionReport) -> Option<(Outcome, Stage, String)> {
-    let (stage, reason) = report.failure()?;
-    let (outcome, stage) = match stage {
-        ExecStage::Approach => (Outcome::CollisionOnApproach, Stage::Approach),
-        ExecStage::Grasp => (Outcome::Missed, Stage::Grasp),
-        ExecStage::Lift => (Outcome::SlippedOnLift, Stage::Lift),
-        ExecStage::Carry => (Outcome::DroppedInTransit, Stage::Carry),
-        ExecStage::Place => (Outcome::CollisionInTransit, Stage::Place),
+    let (stage, cause, reason) = report.failure()?;
+    let outcome = match (stage, cause) {
+        (ExecStage::Approach, _) => Outcome::CollisionOnApproach,
+        (_, ExecCause::Missed) | (ExecStage::Grasp, _) => Outcome::Missed,
+        (ExecStage::Lift, ExecCause::Lost) => Outcome::SlippedOnLift,
+        (ExecStage::Carry | ExecStage::Place, ExecCause::Lost) => Outcome::DroppedInTransit,
+        (_, ExecCause::Contact | ExecCause::Astray) => Outcome::CollisionInTransit,
     };
-    Some((outcome, stage, reason))
+    let stage = match stage {
+        ExecStage::Approach => Stage::Approach,
+        ExecStage::Grasp => Stage::Grasp,
+        ExecStage::Lift => Stage::Lift,
+        ExecStage::Carry => Stage::Carry,
+        ExecStage::Place => Stage::Place,
+    };
+    Some((outcome, stage, reason.to_owned()))
 }
 
 /// Final outcomes, when everything has come to rest.
@@ -114,6 +133,7 @@ pub fn finish(setup: &Setup, world: &World, ledgers: &mut [Ledger], items: usize
                 peak_impulse_n_s: ledger.peak_impulse_n_s,
                 harmless_impulse_n_s: harmless_impulse(world, i),
                 others_moved_m: ledger.others_moved_m,
+                first_attempt: ledger.first_attempt,
                 failed_attempts: ledger.failed_attempts.clone(),
                 clauses: ledger.clauses,
                 measures: ledger.measures,
@@ -194,6 +214,20 @@ mod tests {
             break_it(&mut ledger.clauses);
             assert_eq!(verdict(&ledger).0, outcome);
         }
+    }
+
+    #[test]
+    fn the_first_attempt_stays_what_it_was() {
+        let mut ledger = packed();
+        assert_eq!(ledger.first_attempt, None);
+        ledger.clauses.held_after_carry = false;
+        ledger.record_errors(Some((0.02, 0.01)));
+        ledger.close_attempt();
+        ledger.clauses.held_after_carry = true;
+        ledger.record_errors(Some((0.001, 0.001)));
+        ledger.close_attempt();
+        let first = FirstAttempt { add_m: Some(0.02), adds_m: Some(0.01), held: false };
+        assert_eq!(ledger.first_attempt, Some(first));
     }
 
     #[test]

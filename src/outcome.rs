@@ -6,7 +6,7 @@ use crate::motion_check::MotionCheck;
 use crate::scorecard::ScoreCard;
 
 /// Version of the trial result; changes with every change that could break a reader.
-pub const TRIAL_SCHEMA: &str = "grip.trial/2";
+pub const TRIAL_SCHEMA: &str = "grip.trial/3";
 
 /// What became of an item. Everything but [`Outcome::Packed`] is a failure.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -174,12 +174,25 @@ pub struct ItemResult {
     pub harmless_impulse_n_s: f64,
     /// Farthest that a point of any other item moved during its attempts, metres.
     pub others_moved_m: f64,
+    /// The first attempt; none when there was none.
+    pub first_attempt: Option<FirstAttempt>,
     /// Attempts that failed by the robot's own account, in order.
     pub failed_attempts: Vec<FailedAttempt>,
     /// The clauses of success.
     pub clauses: Clauses,
     /// What they were judged by.
     pub measures: Measures,
+}
+
+/// How the first grasp of an item went, whatever came after it: what pose errors cost without a second chance.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct FirstAttempt {
+    /// Mean distance of corresponding model points at the look before it, metres.
+    pub add_m: Option<f64>,
+    /// The same to the nearest point, metres.
+    pub adds_m: Option<f64>,
+    /// Whether the grasp held to the end of the carry: opposing contacts, lifted clear, not lost, slip within bounds.
+    pub held: bool,
 }
 
 /// An attempt that did not end with the item released in the bin.

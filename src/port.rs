@@ -6,6 +6,7 @@ use std::cell::RefCell;
 use grip_manip::executor::{ControlTarget, Observer, ProtectiveStop, RobotPort, StepReport};
 use grip_manip::{GripperCommand, StepName};
 use grip_sim::physics::{Grip, STEP_HZ, World};
+use nalgebra::Vector3;
 
 use crate::film::Film;
 use crate::motion_check::JointLog;
@@ -54,8 +55,12 @@ impl RobotPort for WorldPort<'_, '_> {
         self.world.borrow().grip_force()
     }
 
-    fn contact_force(&self) -> f64 {
-        self.world.borrow().contact_force()
+    fn hand_force(&self) -> Vector3<f64> {
+        self.world.borrow().hand_force()
+    }
+
+    fn link_force(&self) -> f64 {
+        self.world.borrow().link_force()
     }
 
     fn step(&mut self, target: &ControlTarget<'_>) -> Result<(), ProtectiveStop> {

@@ -6,7 +6,7 @@ use std::time::Instant;
 
 use anyhow::Result;
 use grip_manip::executor::{ExecutionReport, ExecutorSettings, execute, execute_motion};
-use grip_manip::{BeliefScene, BelievedObject, PickPlacePlan, PlanStage, Planner, pick_order};
+use grip_manip::{BeliefScene, BelievedObject, Care, PickPlacePlan, PlanStage, Planner, pick_order};
 use grip_perception::PosePosterior;
 use grip_sim::frame::CameraFrame;
 use grip_sim::images::RgbImage;
@@ -149,9 +149,9 @@ pub fn run(
         let (mut belief, belief_index) = believe(setup, &frame, &out, &posteriors, &ledgers);
         belief.seen = planner.unexplained(&belief, &frame, world.joints());
         log::debug!("look {look}: {} points of what is not recognised", belief.seen.len());
-        let order: Vec<usize> =
-            pick_order(&belief).into_iter().filter(|&b| open.contains(&belief_index[b])).collect();
-        for &i in open.iter().filter(|&&i| !order.iter().any(|&b| belief_index[b] == i)) {
+        let mut order = pick_order(&belief);
+        order.iter_mut().for_each(|tier| tier.retain(|&b| open.contains(&belief_index[b])));
+        for &i in open.iter().filter(|&&i| !order.iter().flatten().any(|&b| belief_index[b] == i)) {
             let confidence = out.iter().position(|&o| o == i).map_or(0.0, |p| posteriors[p].confidence);
             if belief_index.contains(&i) {
                 ledgers[i].pass_over(
@@ -164,8 +164,13 @@ pub fn run(
                 ledgers[i].pass_over(Outcome::NotPerceived, Stage::Look, reason);
             }
         }
+        // In each tier first what can be picked without a risk.
         let mut chosen = None;
-        for b in order {
+        let ways = |tier: &Vec<usize>| {
+            let ways = [Care::Careful, Care::Bold].map(|care| tier.iter().map(move |&b| (care, b)));
+            ways.into_iter().flatten().collect::<Vec<_>>()
+        };
+        for (care, b) in order.iter().flat_map(ways) {
             let i = belief_index[b];
             progress.set_message(format!("look {}: planning for {}", look + 1, setup.models[i].info.name));
             let clock = Instant::now();
@@ -173,6 +178,7 @@ pub fn run(
                 &belief,
                 b,
                 world.joints(),
+                care,
                 setup.stream(&format!("plan/{look}/{i}")),
             );
             ledgers[i].plan_s += clock.elapsed().as_secs_f64();
@@ -224,6 +230,7 @@ pub fn run(
             ledger.wrong_objects += u32::from(ledger.wrong_object);
             ledger.slip_m = watch.slip_m;
         }
+        ledger.close_attempt();
         ledger.peak_force_n = ledger.peak_force_n.max(world.peak_force(i));
         ledger.failure = None;
         match failure_of(&report) {
@@ -324,10 +331,13 @@ fn note_blows(world: &World, ledgers: &mut [Ledger]) {
 /// Opens the gripper where it stands, so that nothing is carried about after a failure.
 fn let_go(world: &mut World) {
     const OPENING_S: f64 = 0.8;
+    // No wider than it takes: there may be a wall beside the hand.
+    const OPENING_M: f64 = 0.03;
     world.clear_stop();
     let (target, _) = world.hold();
+    let width = world.finger_positions().iter().sum::<f64>() + OPENING_M;
     for _ in 0..(OPENING_S * f64::from(STEP_HZ)) as u32 {
-        world.step(&target, Grip::Open { width: f64::INFINITY });
+        world.step(&target, Grip::Open { width });
     }
 }
 
@@ -387,7 +397,7 @@ fn go_home(
             let mut port = WorldPort::new(&shared);
             let mut watcher = Watcher { world: &shared, watch: None, log, film };
             let report = execute_motion(&mut port, &trajectory, &ExecutorSettings::default(), &mut watcher);
-            if let Some((_, reason)) = report.failure() {
+            if let Some((.., reason)) = report.failure() {
                 log::info!("on the way home: {reason}");
             }
         }

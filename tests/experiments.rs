@@ -198,6 +198,36 @@ fn a_sweep_that_was_killed_is_the_sweep_undisturbed() {
     assert_eq!(text(&at("report.sweep.csv")).lines().count(), 1 + 5);
 }
 
+/// Five objects have no room side by side in so small a region, but can be heaped there.
+#[test]
+fn a_trial_that_cannot_be_laid_out_is_left_out_and_said() {
+    let folder = tempfile::tempdir().unwrap();
+    let scene =
+        edited_scene(folder.path(), |text| text.replace("\nsize = [0.30, 0.42]", "\nsize = [0.15, 0.20]"));
+    let (out, page) = (folder.path().join("out"), folder.path().join("page.html"));
+    let (scene, out, page) = (scene.to_str().unwrap(), out.to_str().unwrap(), page.to_str().unwrap());
+    let trials = |conditions, more: &[&str]| {
+        let args = ["trials", "--scene", scene, "--trials", "1", "--seed", "5", "--estimators", "truth"];
+        grip(&[&args[..], &["--conditions", conditions, "--out", out], more].concat())
+    };
+    for more in [&[][..], &["--resume"]] {
+        let output = trials("base,clutter-1", more);
+        assert_eq!(code(&output), 1, "{}", stderr(&output));
+        assert!(stderr(&output).contains("1 trials have no result"), "{}", stderr(&output));
+        assert_eq!(text(&Path::new(out).join("trials.jsonl")).lines().count(), 1);
+        let left_out: Value = serde_json::from_str(&text(&Path::new(out).join("left_out.jsonl"))).unwrap();
+        assert_eq!((&left_out["seed"], &left_out["condition"]), (&Value::from(5), &Value::from("base")));
+        assert!(left_out["reason"].as_str().unwrap().contains("no layout of 5 objects"), "{left_out}");
+    }
+    run(&["report", out, "--out", page]);
+    assert!(text(Path::new(page)).contains("1 of 2 trials have no result"));
+    // Nothing at all is an error of the scene.
+    std::fs::remove_dir_all(out).unwrap();
+    let output = trials("base", &[]);
+    assert_eq!(code(&output), 2);
+    assert!(stderr(&output).contains("no layout of 5 objects"), "{}", stderr(&output));
+}
+
 #[test]
 fn what_cannot_be_run_is_said_by_name() {
     let folder = tempfile::tempdir().unwrap();

@@ -6,7 +6,7 @@ use crate::belief::BeliefScene;
 use crate::cartesian::{CartesianPath, straight_line, translate};
 use crate::collision::{Body, CollisionChecker, Query};
 use crate::grasp::{Grasp, rank_grasps};
-use crate::pick::{Attempt, grip_force, joined};
+use crate::pick::{Attempt, Care, grip_force, joined};
 use crate::plan::{Action, GripperCommand, Guard, PlanFailure, PlanStage, PlanStep, StepName};
 use crate::planner::Planner;
 
@@ -44,7 +44,7 @@ impl Planner {
         q_now: &[f64],
         only: Option<&Grasp>,
     ) -> Result<(Grasp, Vec<f64>), PlanFailure> {
-        let mut attempt = Attempt::new(self, belief, target, q_now);
+        let mut attempt = Attempt::new(self, belief, target, q_now, Care::Bold);
         let fail = |attempt: Attempt<'_>, name: &str| {
             let Attempt { counters, failed: (stage, reason), .. } = attempt;
             PlanFailure { stage, object: name.to_owned(), reason, counters: Box::new(counters) }

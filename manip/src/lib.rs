@@ -56,7 +56,7 @@ pub use executor::{
     ExecOutcome, ExecStage, ExecutionReport, ExecutorSettings, RobotPort, execute, execute_motion,
 };
 pub use grasp::{Grasp, GraspAt};
-pub use pick::pick_order;
+pub use pick::{Care, pick_order};
 pub use place::PlacePose;
 pub use plan::{
     Action, GripperCommand, PickPlacePlan, PlanCounters, PlanFailure, PlanStage, PlanStep, StepName,

@@ -17,6 +17,7 @@ use crate::plan::{
     Action, GripperCommand, Guard, PickPlacePlan, PlanCounters, PlanFailure, PlanStage, PlanStep, StepName,
 };
 use crate::planner::Planner;
+use crate::stable::{nearest_standing, stable_facets};
 use crate::timing::Trajectory;
 
 /// Height over which a lifted object may still touch what it touched when it lay, metres.
@@ -25,6 +26,16 @@ const LEAVING: f64 = 0.03;
 const LIFTS_ASIDE: u32 = 8;
 /// A guarded motion that stops with less than this left has arrived, metres.
 const NEAR: f64 = 0.02;
+
+/// What may be risked: other picks may first make better ones of it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Care {
+    /// Firm grasps alone ([`crate::grasp::GraspSettings::firm`]), and lifts that leave what the object leans against within the
+    /// first centimetres, aside where up does not.
+    Careful,
+    /// Any grasp, and lifts that slide along other objects all the way up: they may be taken along or knocked over.
+    Bold,
+}
 
 /// A grasp with its straight motions.
 pub(crate) struct Picked {
@@ -52,6 +63,7 @@ pub(crate) struct Attempt<'a> {
     belief: &'a BeliefScene,
     pub(crate) checker: CollisionChecker,
     target: usize,
+    care: Care,
     q_now: Vec<f64>,
     base_from_world: Isometry3<f64>,
     touch: Vec<CollisionPair>,
@@ -70,6 +82,7 @@ impl Planner {
         belief: &BeliefScene,
         target: usize,
         q_now: &[f64],
+        care: Care,
         seed: u64,
     ) -> Result<PickPlacePlan, PlanFailure> {
         let clock = Instant::now();
@@ -84,7 +97,7 @@ impl Planner {
             return Err(fail((PlanStage::Input, reason), PlanCounters::default()));
         }
         let belief = settled(belief, self.settings.snap);
-        let mut attempt = Attempt::new(self, &belief, target, q_now);
+        let mut attempt = Attempt::new(self, &belief, target, q_now, care);
         let mut rng = grip_sim::rng::stream(seed, "pick and place");
         let plan = attempt.plan(&mut rng);
         let Attempt { mut counters, failed, .. } = attempt;
@@ -101,9 +114,16 @@ impl Planner {
 
 impl<'a> Attempt<'a> {
     /// At the belief's object `target`, from `q_now`.
-    pub(crate) fn new(planner: &'a Planner, belief: &'a BeliefScene, target: usize, q_now: &[f64]) -> Self {
+    pub(crate) fn new(
+        planner: &'a Planner,
+        belief: &'a BeliefScene,
+        target: usize,
+        q_now: &[f64],
+        care: Care,
+    ) -> Self {
         Self {
             planner,
+            care,
             checker: CollisionChecker::new(planner.robot.clone(), belief),
             target,
             q_now: planner.clamped(q_now),
@@ -133,7 +153,9 @@ impl<'a> Attempt<'a> {
             self.failed.1 = "the object has no antipodal grasp for this gripper".into();
         }
         let mut places: Option<Vec<PlacePose>> = None;
-        for grasp in grasps.into_iter().take(settings.tries[0]) {
+        let careful = self.care == Care::Careful;
+        let ranked = grasps.into_iter().filter(|grasp| !careful || grasp.score >= settings.grasp.firm);
+        for grasp in ranked.take(settings.tries[0]) {
             let Some(picked) = self.pick(grasp) else {
                 continue;
             };
@@ -248,13 +270,16 @@ impl<'a> Attempt<'a> {
     fn lift(&self, closed: &[f64], held: &Held) -> Option<CartesianPath> {
         let settings = &self.planner.settings;
         let near = Query { held: Some(held), allowed: &[], margins: settings.near };
-        // What it lies on, by belief, is left within the first centimetres; objects that it leans against or overlaps,
-        // since estimates do, may slide along it all the way up.
+        // What it lies on, leans against or overlaps, since estimates do, is left within the first centimetres; if need be,
+        // other objects slide along it all the way up.
         let lying = self.checker.collisions(closed, &near);
         let beside: Vec<CollisionPair> =
             lying.iter().copied().filter(|p| p.a == Body::Held && matches!(p.b, Body::Object(_))).collect();
         let leaving = Query { allowed: &lying, ..near };
-        let rising = Query { allowed: &beside, ..near };
+        let rising = match self.care {
+            Care::Careful => near,
+            Care::Bold => Query { allowed: &beside, ..near },
+        };
         let clear = Query { margins: settings.free, ..near };
         let up = settings.lifts.iter().map(|&height| Vector3::z() * height);
         // Beside a wall or another object: away from it, to whichever side that is.
@@ -440,9 +465,15 @@ pub fn grip_force(info: &ObjectInfo, lever: f64, max_force: f64) -> f64 {
     need.clamp(low, high.max(low))
 }
 
-/// The order in which to pick the objects that are not packed yet: those that carry others last, then those with the
-/// fewest neighbours within 4 cm, then the nearest to the robot, a decimetre of height counting like one of distance.
-pub fn pick_order(belief: &BeliefScene) -> Vec<usize> {
+/// Tilted by more than this from where it would stand, an object leans, radians.
+const LEANS: f64 = 0.1;
+/// What leans and is nearer than this to something leans on it, metres.
+const LEANS_ON: f64 = 0.01;
+
+/// The order in which to pick the objects that are not packed yet, in tiers: those that nothing lies on or leans against,
+/// then those that one other object does, and so on. In a tier first those with the fewest neighbours within 4 cm, then the
+/// nearest to the robot, a decimetre of height counting like one of distance.
+pub fn pick_order(belief: &BeliefScene) -> Vec<Vec<usize>> {
     let base = belief.world_from_base.translation();
     let waiting: Vec<usize> = (0..belief.objects.len()).filter(|&i| !belief.objects[i].packed).collect();
     // Half extents along the world's axes about the centre.
@@ -452,6 +483,14 @@ pub fn pick_order(belief: &BeliefScene) -> Vec<usize> {
         let r = o.world_from_object.rotation().to_rotation_matrix();
         r.matrix().abs() * half
     };
+    let leans: Vec<bool> = belief
+        .objects
+        .iter()
+        .map(|o| {
+            let now = o.world_from_object.rotation();
+            !o.packed && nearest_standing(&stable_facets(&o.model.visual.mesh), &now).angle_to(&now) > LEANS
+        })
+        .collect();
     let mut keyed: Vec<(usize, usize, f64, usize)> = waiting
         .iter()
         .map(|&i| {
@@ -462,7 +501,8 @@ pub fn pick_order(belief: &BeliefScene) -> Vec<usize> {
                 let gap = |axis: usize| (t[axis] - u[axis]).abs() - half[axis] - other[axis];
                 let beside = gap(0).max(gap(1));
                 let above = u.z - other.z > t.z + 0.5 * half.z;
-                carries += usize::from(beside < 0.0 && above);
+                let leaned_on = leans[k] && beside < LEANS_ON && gap(2) < LEANS_ON;
+                carries += usize::from(beside < 0.0 && above || leaned_on);
                 crowd += usize::from(beside < 0.04 && !above);
             }
             let distance = (t - base).xy().norm() - 2.0 * half.z;
@@ -470,5 +510,45 @@ pub fn pick_order(belief: &BeliefScene) -> Vec<usize> {
         })
         .collect();
     keyed.sort_by(|a, b| (a.0, a.1).cmp(&(b.0, b.1)).then(a.2.total_cmp(&b.2)).then(a.3.cmp(&b.3)));
-    keyed.into_iter().map(|k| k.3).collect()
+    keyed.chunk_by(|a, b| a.0 == b.0).map(|tier| tier.iter().map(|k| k.3).collect()).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::testing::{box_model, cylinder_model, empty_scene, standing};
+
+    #[test]
+    fn what_others_lie_on_or_lean_against_comes_last() {
+        let mut belief = empty_scene();
+        let (carton, can) = (box_model("carton", [0.09, 0.04, 0.18]), cylinder_model("can", 0.033, 0.10));
+        belief.objects = vec![standing(&carton, 0.55, 0.0, 0.0), standing(&can, 0.75, 0.2, 0.0)];
+        assert_eq!(pick_order(&belief), [[0, 1]], "the nearest first");
+        // The can on top of the carton.
+        let table = belief.table_height;
+        belief.objects[1].world_from_object = Pose::from_xyz_rpy([0.55, 0.0, table + 0.23], [0.0; 3]);
+        assert_eq!(pick_order(&belief), [[1], [0]]);
+        // A bottle beside it is no hindrance while it stands, and one to come first when it leans.
+        let bottle = box_model("bottle", [0.04, 0.04, 0.16]);
+        belief.objects[1] = standing(&bottle, 0.55, 0.045, 0.0);
+        assert_eq!(pick_order(&belief), [[0, 1]]);
+        belief.objects[1].world_from_object =
+            Pose::from_xyz_rpy([0.55, 0.075, table + 0.09], [0.4, 0.0, 0.0]);
+        assert_eq!(pick_order(&belief), [[1], [0]]);
+    }
+
+    #[test]
+    fn the_grip_carries_the_weight_four_times_over_and_spares_what_breaks() {
+        let mut info = box_model("brick", [0.05; 3]).info.clone();
+        (info.mass_kg, info.friction, info.fragility) = (1.0, 0.5, Fragility::Sturdy);
+        // Mean friction 0.7, two pads: 4 * 1.3 g / (2 * 0.7).
+        let force = grip_force(&info, 0.0, 60.0);
+        assert!((force - 4.0 * 1.3 * 9.81 / 1.4).abs() < 1e-9, "{force}");
+        assert!((grip_force(&info, 0.01, 60.0) - 1.5 * force).abs() < 1e-9, "a lever of a centimetre");
+        assert_eq!(grip_force(&info, 0.1, 60.0), 60.0);
+        info.fragility = Fragility::Fragile;
+        assert_eq!(grip_force(&info, 0.1, 60.0), 24.0);
+        info.mass_kg = 0.01;
+        assert_eq!(grip_force(&info, 0.0, 60.0), 10.0);
+    }
 }

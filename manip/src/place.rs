@@ -4,14 +4,17 @@
 //! is tried in which its outline stays clear of the walls: there it comes to rest where its lower side first meets
 //! the map. The best place adds the least to the pile, voids included.
 
+use std::f64::consts::{PI, TAU};
+
 use grip_sim::objects::ObjectModel;
 use grip_sim::pose::{Object, Pose, World};
-use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
+use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, Vector2, Vector3};
 use serde::Serialize;
 
 use crate::belief::BeliefScene;
 use crate::heightmap::{HeightMap, Profile};
 use crate::stable::{nearest_standing, stable_facets};
+use crate::surface::center_of_mass;
 
 /// Settings of [`place_poses`].
 #[derive(Debug, Clone, PartialEq)]
@@ -101,11 +104,8 @@ fn resting_rotation(model: &ObjectModel, now: &UnitQuaternion<f64>) -> UnitQuate
     }
     // YCB scans stand on their xy plane: z is up when upright.
     let up = now * Vector3::z();
-    if up.z > 0.85 {
-        return *now;
-    }
     UnitQuaternion::rotation_between(&up, &Vector3::z())
-        .unwrap_or_else(|| UnitQuaternion::from_axis_angle(&Vector3::x_axis(), std::f64::consts::PI))
+        .unwrap_or_else(|| UnitQuaternion::from_axis_angle(&Vector3::x_axis(), PI))
         * now
 }
 
@@ -123,13 +123,18 @@ pub fn place_poses(belief: &BeliefScene, target: usize, settings: &PlaceSettings
     let margin = (margin / settings.cell).ceil() as i32;
     let [nx, ny] = map.size.map(|n| n as i32);
     let half = belief.bin.inner.map(|v| 0.5 * v);
+    let center = center_of_mass(&model.visual.mesh);
+    let around: [f32; DIRECTIONS] = std::array::from_fn(|k| TAU as f32 * k as f32 / DIRECTIONS as f32);
+    let directions = [around.map(f32::cos), around.map(f32::sin)];
 
     let mut found: Vec<PlacePose> = Vec::new();
     for k in 0..settings.headings {
-        let heading = std::f64::consts::TAU * k as f64 / settings.headings as f64;
+        let heading = TAU * k as f64 / settings.headings as f64;
         let turned = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), heading) * rest;
         let rotation = Isometry3::from_parts(Translation3::identity(), turned);
         let profile = Profile::new(&model.visual.mesh, &rotation, settings.cell);
+        let center = (turned * center).coords.xy() / settings.cell;
+        let load = SupportCheck { model, center, directions, belief: &others, owner: &owner };
         let wide = profile.dilated(margin);
         let Some(bounds) = bounds(&wide) else {
             return Vec::new();
@@ -149,10 +154,11 @@ pub fn place_poses(belief: &BeliefScene, target: usize, settings: &PlaceSettings
                     (f64::from(i) + 0.5) * settings.cell - half[0],
                     (f64::from(j) + 0.5) * settings.cell - half[1],
                 ];
-                let load = SupportCheck { model, belief: &others, owner: &owner };
-                if !load.stands(&profile, &map, z, at) {
-                    continue;
-                }
+                let tips = match load.support(&profile, &map, z, at) {
+                    Support::Stands => 0.0,
+                    Support::Tips => TIPS,
+                    Support::None => continue,
+                };
                 let added: f64 = profile
                     .cells
                     .iter()
@@ -169,7 +175,7 @@ pub fn place_poses(belief: &BeliefScene, target: usize, settings: &PlaceSettings
                     heading,
                     support_height: z + profile.span[0],
                     top_height: top,
-                    cost: litres + 2.0 * top + 0.1 * middle,
+                    cost: litres + 2.0 * top + 0.1 * middle + tips,
                 });
             }
         }
@@ -203,17 +209,44 @@ fn bounds(profile: &Profile) -> Option<[[i32; 2]; 2]> {
     Some(b)
 }
 
+/// How many directions there are in which supports are looked for.
+const DIRECTIONS: usize = 16;
+
+/// Cost of a place where an object tips over: more than of any where it stands.
+const TIPS: f64 = 100.0;
+
+/// How an object is borne at a place.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Support {
+    /// Its centre of mass is above the hull of what bears it.
+    Stands,
+    /// Something bears it on every side, but its centre of mass is not above the hull of that: it comes to lean.
+    Tips,
+    /// It falls over, or would crush what is below.
+    None,
+}
+
 struct SupportCheck<'a> {
     model: &'a ObjectModel,
+    /// Its centre of mass from its origin, cells along the bin's x and y.
+    center: Vector2<f64>,
+    /// Unit vectors all round: their x and their y.
+    directions: [[f32; DIRECTIONS]; 2],
     belief: &'a BeliefScene,
     owner: &'a [Option<usize>],
 }
 
 impl SupportCheck<'_> {
-    /// Whether the object rests with its middle between its supports, and on nothing that it would crush.
-    fn stands(&self, profile: &Profile, map: &HeightMap, z: f64, at: impl Fn(&[i32; 2]) -> usize) -> bool {
-        let mut low = [i32::MAX; 2];
-        let mut high = [i32::MIN; 2];
+    /// What bears the object when its origin is at height `z`.
+    fn support(
+        &self,
+        profile: &Profile,
+        map: &HeightMap,
+        z: f64,
+        at: impl Fn(&[i32; 2]) -> usize,
+    ) -> Support {
+        let mut reach = [f32::NEG_INFINITY; DIRECTIONS];
+        let [xs, ys] = &self.directions;
         for (offset, bottom, _) in &profile.cells {
             let index = at(offset);
             if z + bottom - map.heights[index] > SUPPORT_GAP {
@@ -222,16 +255,23 @@ impl SupportCheck<'_> {
             if let Some(below) = self.owner[index] {
                 let below = &self.belief.objects[below].model.info;
                 if !below.fragility.bears(self.model.info.mass_kg) {
-                    return false;
+                    return Support::None;
                 }
             }
-            for axis in 0..2 {
-                low[axis] = low[axis].min(offset[axis]);
-                high[axis] = high[axis].max(offset[axis]);
+            let [x, y] = [0, 1].map(|axis| (f64::from(offset[axis]) - self.center[axis]) as f32);
+            for k in 0..DIRECTIONS {
+                reach[k] = reach[k].max(x * xs[k] + y * ys[k]);
             }
         }
-        // The middle of the object is above the box about its supports, with a cell to spare.
-        (0..2).all(|axis| low[axis] <= -1 && high[axis] >= 1)
+        // With a cell to spare: supports reach that far to every side.
+        let far = |reach: &f32| *reach >= 1.0;
+        if reach.iter().all(far) {
+            Support::Stands
+        } else if reach.iter().step_by(DIRECTIONS / 4).all(far) {
+            Support::Tips
+        } else {
+            Support::None
+        }
     }
 }
 
@@ -291,6 +331,50 @@ mod tests {
             let up = place.world_from_object.transform_vector(&Vector3::z());
             assert!(up.z > 0.99, "{up}");
         }
+    }
+
+    #[test]
+    fn an_upright_item_that_leans_is_put_down_level() {
+        let mut scene = groceries();
+        let mut model = (*scene.objects[0].model).clone();
+        model.info.upright = true;
+        scene.objects[0].model = Arc::new(model);
+        scene.objects[0].world_from_object = Pose::from_xyz_rpy([0.6, 0.1, 0.75], [0.3, -0.2, 1.0]);
+        let places = place_poses(&scene, 0, &PlaceSettings::default());
+        assert!(!places.is_empty());
+        assert!(places.iter().all(|p| p.world_from_object.transform_vector(&Vector3::z()).z > 0.9999));
+    }
+
+    #[test]
+    fn the_centre_of_mass_is_between_the_supports() {
+        // Three posts at corners of a square: the box about them has the middle inside, the triangle between them at its edge.
+        let model = box_model("tray", [0.17, 0.17, 0.02]);
+        let rest = Isometry3::identity();
+        let profile = Profile::new(&model.visual.mesh, &rest, 0.01);
+        let mut map = HeightMap::flat([-0.095, -0.095], [19, 19], 0.01, 0.0);
+        let belief = empty_scene();
+        let owner = vec![None; map.heights.len()];
+        let around: [f32; DIRECTIONS] = std::array::from_fn(|k| TAU as f32 * k as f32 / DIRECTIONS as f32);
+        let borne = |map: &HeightMap, center: [f64; 2]| {
+            let check = SupportCheck {
+                model: &model,
+                center: center.into(),
+                directions: [around.map(f32::cos), around.map(f32::sin)],
+                belief: &belief,
+                owner: &owner,
+            };
+            check.support(&profile, map, 0.11, |o| ((o[0] + 9) + (o[1] + 9) * 19) as usize)
+        };
+        for (x, y) in [(1, 17), (17, 1), (17, 17)] {
+            map.heights[x + y * 19] = 0.1;
+        }
+        assert_eq!(borne(&map, [0.0, 0.0]), Support::Tips, "over the edge between the far posts");
+        assert_eq!(borne(&map, [3.0, 3.0]), Support::Stands);
+        assert_eq!(borne(&map, [-3.0, -3.0]), Support::Tips);
+        assert_eq!(borne(&map, [-10.0, 0.0]), Support::None);
+        map.heights[1 + 19] = 0.1;
+        assert_eq!(borne(&map, [0.0, 0.0]), Support::Stands);
+        assert_eq!(borne(&map, [-3.0, -3.0]), Support::Stands);
     }
 
     #[test]

@@ -39,6 +39,8 @@ pub struct Planner {
 const NARROW: f64 = 0.05;
 const WAY_OUT: f64 = 0.3;
 const WAY_OUT_STEP: f64 = 0.02;
+/// Half of the way between two checks along an edge where the start leaves no margin, metres.
+const LEAST_STEP: f64 = 0.002;
 /// Waypoints of a straight motion used for its timing: every third, 15 mm apart.
 const THIN: usize = 3;
 
@@ -144,11 +146,6 @@ impl Planner {
         unexplained(frame.points(), belief, &checker, q, &SeenSettings::default())
     }
 
-    /// [`crate::pick::pick_order`].
-    pub fn pick_order(&self, belief: &BeliefScene) -> Vec<usize> {
-        crate::pick::pick_order(belief)
-    }
-
     pub(crate) fn check_input(
         &self,
         belief: &BeliefScene,
@@ -196,7 +193,8 @@ impl Planner {
         }
         let space = self.solver.space(held.map_or(0.0, |h| h.extent));
         let query = Query { held, allowed: &[], margins };
-        let step = 2.0 * self.settings.free.world;
+        // Between two checks nothing comes nearer than the margin, where there is one.
+        let step = 2.0 * margins.world.max(LEAST_STEP);
         let edges = EdgeCheck::new(checker, query, &space, &self.solver, &q, step);
         let from = self.way_out(checker, &query, &space, &edges, &q);
         let goals: Vec<Vec<Vec<f64>>> =
@@ -209,12 +207,12 @@ impl Planner {
                 let path = shortcut(&space, &edges, &found.path, &self.settings.rrt, rng);
                 let share = if held.is_some() { self.settings.holding } else { 1.0 };
                 let limits = self.limits().scaled(share, share);
-                // The way out of a tight start is left as it is; the rest is rounded.
+                // On the way out of a tight start there is less room than edges ask for; its short pieces hardly stray.
                 let escaped = head.len();
                 let mut points = head;
                 points.extend_from_slice(&path[1..]);
-                let rounded = SmoothPath::round(&points, self.settings.corner, &[], |a, b| {
-                    escaped > 1 || edges.motion_free(a, b)
+                let rounded = SmoothPath::round(&points, self.settings.corner, &[], |corner, a, b| {
+                    corner + 1 < escaped || edges.motion_free(a, b)
                 });
                 Ok(time_path(self.solver.joints(), &points[0], &rounded, &limits, self.settings.dt))
             }
@@ -345,7 +343,7 @@ impl Planner {
             .collect();
         let share = if holding { self.settings.holding } else { 1.0 };
         let limits = self.limits().scaled(share, share);
-        let rounded = SmoothPath::round(&points, 0.01, &rates, |_, _| true);
+        let rounded = SmoothPath::round(&points, 0.01, &rates, |_, _, _| true);
         time_path(self.solver.joints(), &points[0], &rounded, &limits, self.settings.dt)
     }
 }

@@ -50,27 +50,27 @@ const SHARPEST: f64 = -0.5;
 impl SmoothPath {
     /// Rounds the corners of `waypoints` (unwrapped), straying at most `deviation` (norm of joint values) from each.
     ///
-    /// `free` is asked whether the straight motion between two configurations is free; a corner is rounded less, in
-    /// the end not at all, until the points of its curve pass. `rates` bounds the rate of the path parameter on each
+    /// `free` is asked of the waypoint with this number whether the straight motion between two configurations beside it is
+    /// free; a corner is rounded less, in the end not at all, until the points of its curve pass. `rates` bounds the rate of the path parameter on each
     /// segment, or is empty.
     pub fn round(
         waypoints: &[Vec<f64>],
         deviation: f64,
         rates: &[f64],
-        free: impl Fn(&[f64], &[f64]) -> bool,
+        free: impl Fn(usize, &[f64], &[f64]) -> bool,
     ) -> Self {
         // Segments that do not move have no direction: leave them out, rates with them.
         let mut points: Vec<&Vec<f64>> = Vec::new();
+        let mut numbers: Vec<usize> = Vec::new();
         let mut limits: Vec<f64> = Vec::new();
         for (i, q) in waypoints.iter().enumerate() {
             match points.last() {
-                Some(last) if norm(&sub(q, last)) < 1e-9 => {}
-                Some(_) => {
-                    limits.push(rates.get(i - 1).copied().unwrap_or(f64::INFINITY));
-                    points.push(q);
-                }
-                None => points.push(q),
+                Some(last) if norm(&sub(q, last)) < 1e-9 => continue,
+                Some(_) => limits.push(rates.get(i - 1).copied().unwrap_or(f64::INFINITY)),
+                None => {}
             }
+            points.push(q);
+            numbers.push(i);
         }
         if points.len() < 2 {
             return Self::default();
@@ -98,7 +98,7 @@ impl SmoothPath {
                 let mut last = curve.position(0.0);
                 let clear = (1..=6).all(|k| {
                     let next = curve.position(curve.length * f64::from(k) / 6.0);
-                    let ok = free(&last, &next);
+                    let ok = free(numbers[i], &last, &next);
                     last = next;
                     ok
                 });
@@ -176,7 +176,7 @@ mod tests {
     #[test]
     fn is_continuous_with_its_derivative_and_ends_where_it_should() {
         let waypoints = [vec![0.0, 0.0], vec![1.0, 0.0], vec![1.0, 1.0], vec![2.0, 1.5]];
-        let path = SmoothPath::round(&waypoints, 0.1, &[], |_, _| true);
+        let path = SmoothPath::round(&waypoints, 0.1, &[], |_, _, _| true);
         for w in path.pieces.windows(2) {
             let gap = norm(&sub(&w[0].position(w[0].length), &w[1].q));
             let kink = norm(&sub(&w[0].derivative(w[0].length), &w[1].d));
@@ -193,16 +193,16 @@ mod tests {
     #[test]
     fn stops_on_corners_that_may_not_be_rounded() {
         let waypoints = [vec![0.0, 0.0], vec![1.0, 0.0], vec![1.0, 1.0]];
-        let path = SmoothPath::round(&waypoints, 0.1, &[], |_, _| false);
+        let path = SmoothPath::round(&waypoints, 0.1, &[], |_, _, _| false);
         assert_eq!(path.pieces.len(), 2);
         assert!(path.pieces[0].stop);
         let back = [vec![0.0], vec![1.0], vec![0.0]];
-        assert!(SmoothPath::round(&back, 0.1, &[], |_, _| true).pieces[0].stop);
+        assert!(SmoothPath::round(&back, 0.1, &[], |_, _, _| true).pieces[0].stop);
     }
 
     #[test]
     fn a_path_that_does_not_move_has_no_pieces() {
         let q = vec![0.3, 0.4];
-        assert!(SmoothPath::round(&[q.clone(), q], 0.1, &[], |_, _| true).pieces.is_empty());
+        assert!(SmoothPath::round(&[q.clone(), q], 0.1, &[], |_, _, _| true).pieces.is_empty());
     }
 }

@@ -173,7 +173,7 @@ impl Planner {
         result.checks += edges.checks() - before;
         result.path_length = [length(&found.path), length(&path)];
         let clock = Instant::now();
-        let rounded = SmoothPath::round(&path, self.settings.corner, &[], |a, b| edges.motion_free(a, b));
+        let rounded = SmoothPath::round(&path, self.settings.corner, &[], |_, a, b| edges.motion_free(a, b));
         let trajectory =
             time_path(self.solver.joints(), &path[0], &rounded, &self.limits(), self.settings.dt);
         result.timing_ms += clock.elapsed().as_secs_f64() * 1e3;

@@ -27,32 +27,39 @@ pub struct Surface {
     pub center_of_mass: Point3<f64>,
 }
 
+/// Centre of mass of the solid of uniform density that a mesh bounds, or of its vertices when it is not closed.
+pub fn center_of_mass(mesh: &Mesh) -> Point3<f64> {
+    let (mut volume, mut moment) = (0.0, Vector3::zeros());
+    for t in &mesh.triangles {
+        let [a, b, c] = t.map(|i| mesh.positions[i as usize].coords.cast::<f64>());
+        // Signed tetrahedron from the origin.
+        let v = a.dot(&b.cross(&c)) / 6.0;
+        volume += v;
+        moment += (a + b + c) * (0.25 * v);
+    }
+    if volume > 1e-9 {
+        return Point3::from(moment / volume);
+    }
+    let n = mesh.positions.len().max(1) as f64;
+    let total: Vector3<f64> = mesh.positions.iter().map(|p| p.coords.cast::<f64>()).sum();
+    Point3::from(total / n)
+}
+
 impl Surface {
     /// The surface of a mesh; `None` when it has no triangle with an area.
     pub fn new(mesh: &Mesh) -> Option<Self> {
         let vertices: Vec<Vector> = mesh.positions.iter().map(|p| Vector::new(p.x, p.y, p.z)).collect();
         let mut sum = 0.0;
         let mut area = Vec::with_capacity(mesh.triangles.len());
-        let (mut volume, mut moment) = (0.0, Vector3::zeros());
         for t in &mesh.triangles {
             let [a, b, c] = t.map(|i| mesh.positions[i as usize].coords.cast::<f64>());
             sum += 0.5 * (b - a).cross(&(c - a)).norm();
             area.push(sum);
-            // Signed tetrahedron from the origin.
-            let v = a.dot(&b.cross(&c)) / 6.0;
-            volume += v;
-            moment += (a + b + c) * (0.25 * v);
         }
         if !(sum > 0.0 && sum.is_finite()) {
             return None;
         }
-        let center_of_mass = if volume > 1e-9 {
-            Point3::from(moment / volume)
-        } else {
-            let n = mesh.positions.len().max(1) as f64;
-            let total: Vector3<f64> = mesh.positions.iter().map(|p| p.coords.cast::<f64>()).sum();
-            Point3::from(total / n)
-        };
+        let center_of_mass = center_of_mass(mesh);
         let edges = edge_points(mesh);
         let mesh = TriMesh::new(vertices, mesh.triangles.clone()).ok()?;
         Some(Self { mesh, edges, area, center_of_mass })

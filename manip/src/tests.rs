@@ -5,11 +5,12 @@ use std::sync::OnceLock;
 
 use crate::belief::BeliefScene;
 use crate::collision::{Body, CollisionChecker, CollisionPair, Held, Margins, Query};
-use crate::pick::settled;
+use crate::grasp::GraspSettings;
+use crate::pick::{Care, settled};
 use crate::plan::{Action, PickPlacePlan, PlanStage, StepName};
 use crate::planner::Planner;
 use crate::settings::PlannerSettings;
-use crate::testing::{fetch, groceries};
+use crate::testing::{box_model, empty_scene, fetch, groceries, standing};
 
 fn planner() -> &'static Planner {
     static PLANNER: OnceLock<Planner> = OnceLock::new();
@@ -26,7 +27,7 @@ fn ready() -> Vec<f64> {
 
 fn plan(belief: &BeliefScene, target: usize, seed: u64) -> PickPlacePlan {
     planner()
-        .plan_pick_place(belief, target, &ready(), seed)
+        .plan_pick_place(belief, target, &ready(), Care::Bold, seed)
         .unwrap_or_else(|e| panic!("{:?} {e} {:?}", e.stage, e.counters))
 }
 
@@ -133,7 +134,7 @@ fn same_seed_same_plan() {
 fn failures_name_their_stage() {
     let mut belief = groceries();
     let fail = |belief: &BeliefScene, target| {
-        planner().plan_pick_place(belief, target, &ready(), 0).unwrap_err().stage
+        planner().plan_pick_place(belief, target, &ready(), Care::Bold, 0).unwrap_err().stage
     };
     assert_eq!(fail(&belief, 9), PlanStage::Input);
     let mut far = belief.clone();
@@ -223,7 +224,7 @@ fn most_random_scenes_have_a_plan_for_every_object() {
         let belief = random_scene(seed);
         for target in 0..belief.objects.len() {
             all += 1;
-            match planner().plan_pick_place(&belief, target, &ready(), seed) {
+            match planner().plan_pick_place(&belief, target, &ready(), Care::Bold, seed) {
                 Ok(plan) => {
                     plans += 1;
                     seconds += plan.counters.seconds;
@@ -330,4 +331,37 @@ fn a_way_out_of_a_narrow_place_is_free_and_leads_away() {
     assert!(chain.len() > 5, "{}", chain.len());
     assert!(clearance(&chain[chain.len() - 1]) > clearance(&chain[0]) + 0.05);
     assert!(chain.iter().all(|group| clearance(group) > 0.001));
+}
+
+#[test]
+fn what_is_wedged_in_is_lifted_only_boldly() {
+    let mut belief = empty_scene();
+    let (item, wall) = (box_model("item", [0.06, 0.04, 0.12]), box_model("wall", [0.04, 0.20, 0.10]));
+    // A millimetre of overlap, as estimates have it.
+    belief.objects = vec![
+        standing(&item, 0.6, 0.0, 0.0),
+        standing(&wall, 0.551, 0.0, 0.0),
+        standing(&wall, 0.649, 0.0, 0.0),
+    ];
+    let plan = |care| planner().plan_pick_place(&belief, 0, &ready(), care, 1);
+    let careful = plan(Care::Careful).unwrap_err();
+    assert_eq!(careful.stage, PlanStage::NoLift, "{careful}");
+    assert!(plan(Care::Bold).is_ok());
+    // Alone it is no risk at all.
+    belief.objects.truncate(1);
+    assert!(planner().plan_pick_place(&belief, 0, &ready(), Care::Careful, 1).is_ok());
+}
+
+#[test]
+fn a_poor_grasp_is_left_for_later() {
+    let demanding = PlannerSettings {
+        grasp: GraspSettings { firm: 11.0, ..GraspSettings::default() },
+        ..PlannerSettings::default()
+    };
+    let (model, config) = fetch();
+    let planner = Planner::new(model, config, demanding);
+    let belief = groceries();
+    let plan = |care| planner.plan_pick_place(&belief, 0, &ready(), care, 1);
+    assert_eq!(plan(Care::Careful).unwrap_err().stage, PlanStage::NoGrasp);
+    assert!(plan(Care::Bold).is_ok());
 }

@@ -261,7 +261,7 @@ mod tests {
     }
 
     fn timed(waypoints: &[Vec<f64>], limits: &MotionLimits) -> Trajectory {
-        let path = SmoothPath::round(waypoints, 0.1, &[], |_, _| true);
+        let path = SmoothPath::round(waypoints, 0.1, &[], |_, _, _| true);
         let joints: Vec<usize> = (0..waypoints[0].len()).collect();
         time_path(&joints, &waypoints[0], &path, limits, DT)
     }
@@ -322,7 +322,7 @@ mod tests {
     #[test]
     fn a_rate_bound_slows_a_segment_down() {
         let l = limits(&[1.0], &[2.0]);
-        let path = SmoothPath::round(&[vec![0.0], vec![0.2]], 0.1, &[0.05], |_, _| true);
+        let path = SmoothPath::round(&[vec![0.0], vec![0.2]], 0.1, &[0.05], |_, _, _| true);
         let t = time_path(&[0], &[0.0], &path, &l, DT);
         assert!(t.points.iter().all(|p| p.qd[0] <= 0.05 + 1e-12));
         assert!((t.duration - (0.2 / 0.05 + 0.05 / 2.0)).abs() < 0.05);

@@ -4,19 +4,22 @@ use anyhow::Result;
 
 use super::{Done, trials};
 use crate::cli::MergeArgs;
-use crate::experiment::merge::merge;
+use crate::experiment::merge::{Merged, merge};
 use crate::experiment::plan::{expected, read_manifest};
 use crate::output;
 
 /// Merges, prints the figures of the whole.
 pub fn run(args: &MergeArgs) -> Result<Done> {
-    let merged = merge(&args.folders, &args.out)?;
-    trials::print(&merged, args.json)?;
+    let Merged { results, left_out } = merge(&args.folders, &args.out)?;
+    trials::print(&results, args.json)?;
     let of = expected(&read_manifest(&args.out)?);
-    if merged.len() < of {
+    if left_out > 0 {
+        output::message(format_args!("{left_out} of {of} trials have no result: they could not be laid out"));
+    }
+    if results.len() + left_out < of {
         output::message(format_args!(
             "{} of {of} trials are there: a shard is missing, or not done; merge again when it is",
-            merged.len()
+            results.len() + left_out
         ));
     }
     output::message(format_args!("experiment: {}", args.out.display()));

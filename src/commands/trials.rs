@@ -11,7 +11,7 @@ use crate::experiment::items;
 use crate::experiment::plan::Plan;
 use crate::experiment::report::p_value;
 use crate::experiment::summary::{cells, pairs};
-use crate::experiment::trials::{self, Ran};
+use crate::experiment::trials::{self, LeftOut, Ran};
 use crate::outcome::TrialResult;
 use crate::{output, workers};
 
@@ -27,8 +27,8 @@ pub fn run(args: &TrialsArgs) -> Result<Done> {
     let done = trials::run(&plan, &args.out, jobs, args.renderer.into(), &progress);
     progress.finish_and_clear();
     let Ran { results, kept, left_out } = done?;
-    if let (true, Some(why)) = (results.is_empty(), left_out.first()) {
-        bail!("{why}");
+    if let (true, Some(LeftOut { key, reason })) = (results.is_empty(), left_out.first()) {
+        bail!("seed {}, scene {}, condition {}: {reason}", key.seed, key.scene, key.condition);
     }
     items::write(&results, &args.out)?;
     print(&results, args.json)?;

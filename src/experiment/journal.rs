@@ -15,6 +15,8 @@ use serde::de::DeserializeOwned;
 pub struct Journal {
     path: PathBuf,
     file: File,
+    /// Bytes of whole lines.
+    whole: u64,
 }
 
 impl Journal {
@@ -51,7 +53,7 @@ impl Journal {
         }
         file.seek(SeekFrom::Start(whole as u64)).with_context(cannot)?;
         let lines = parse(&bytes[..whole], path)?;
-        Ok((Self { path: path.to_path_buf(), file }, lines))
+        Ok((Self { path: path.to_path_buf(), file, whole: whole as u64 }, lines))
     }
 
     /// Adds a result.
@@ -62,10 +64,16 @@ impl Journal {
         let mut text = serde_json::to_string(line)?;
         text.push('\n');
         // One call, so that a line is seldom cut; on the disk before the next one is begun.
-        self.file
-            .write_all(text.as_bytes())
-            .and_then(|()| self.file.sync_data())
-            .with_context(|| format!("{}: cannot be written; is the disk full?", self.path.display()))
+        let written = self.file.write_all(text.as_bytes()).and_then(|()| self.file.sync_data());
+        match written {
+            Ok(()) => self.whole += text.len() as u64,
+            // Another thread may still have a line to write, and find room for it: not behind half a line.
+            Err(_) => {
+                let _ = self.file.set_len(self.whole);
+                let _ = self.file.seek(SeekFrom::Start(self.whole));
+            }
+        }
+        written.with_context(|| format!("{}: cannot be written; is the disk full?", self.path.display()))
     }
 }
 

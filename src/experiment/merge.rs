@@ -6,27 +6,43 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, Result, bail, ensure};
 use serde_json::Value;
 
-use super::plan::{FILMS, Key, MANIFEST, TIMINGS, TRIALS, differs, read_manifest};
-use super::trials::TimingLine;
+use super::plan::{BUILD, FILMS, Key, LEFT_OUT, MANIFEST, TIMINGS, TRIALS, differs, read_manifest};
+use super::trials::{LeftOut, TimingLine};
 use super::{items, journal};
 use crate::outcome::TrialResult;
 use crate::run_dir::RunDir;
 
-/// Writes the experiment of which `folders` are parts; returns its results in their order.
+/// A whole experiment.
+pub struct Merged {
+    /// Its results, in their order.
+    pub results: Vec<TrialResult>,
+    /// How many of its trials have no result because their objects could not be laid out.
+    pub left_out: usize,
+}
+
+/// Writes the experiment of which `folders` are parts.
 ///
 /// # Errors
 /// When the folders are not parts of one experiment, two of them disagree about a trial, or `out` cannot be written.
-pub fn merge(folders: &[PathBuf], out: &Path) -> Result<Vec<TrialResult>> {
+pub fn merge(folders: &[PathBuf], out: &Path) -> Result<Merged> {
     let run = RunDir::begin(out)?;
     let mut manifest: Option<Value> = None;
     let mut trials: BTreeMap<Key, TrialResult> = BTreeMap::new();
     let mut timings: BTreeMap<Key, TimingLine> = BTreeMap::new();
+    let mut left_out: BTreeMap<Key, LeftOut> = BTreeMap::new();
     for folder in folders {
         let mut part = read_manifest(folder)?;
         part["shard"] = Value::Null;
         match &manifest {
             None => manifest = Some(part),
             Some(whole) => {
+                if whole[BUILD] != part[BUILD] {
+                    log::warn!(
+                        "{}: was made by another build than {}; results may differ in last bits",
+                        folder.display(),
+                        folders[0].display()
+                    );
+                }
                 if let Some(field) = differs(whole, &part) {
                     bail!(
                         "{}: {field} differs from {}; only parts of one experiment can be merged",
@@ -57,14 +73,19 @@ pub fn merge(folders: &[PathBuf], out: &Path) -> Result<Vec<TrialResult>> {
         for line in journal::read::<TimingLine>(&folder.join(TIMINGS))? {
             timings.insert(line.key.clone(), line);
         }
+        for line in journal::read::<LeftOut>(&folder.join(LEFT_OUT))? {
+            left_out.insert(line.key.clone(), line);
+        }
     }
     let manifest = manifest.context("give at least one folder")?;
     let trials: Vec<TrialResult> = trials.into_values().collect();
     run.write(MANIFEST, serde_json::to_string_pretty(&manifest)?)?;
     run.write(TRIALS, journal::text(&trials)?)?;
     run.write(TIMINGS, journal::text(&timings.into_values().collect::<Vec<_>>())?)?;
+    let left_out: Vec<LeftOut> = left_out.into_values().collect();
+    run.write(LEFT_OUT, journal::text(&left_out)?)?;
     run.write(items::FILE, items::bytes(&trials)?)?;
     run.folder(FILMS)?;
     run.finish()?;
-    Ok(trials)
+    Ok(Merged { results: trials, left_out: left_out.len() })
 }

@@ -19,13 +19,15 @@ use crate::scenario::{Options, Scenario, hex};
 use crate::setup::{self, Setup};
 
 /// Version of experiment.json.
-pub const SCHEMA: &str = "grip.experiment/1";
+pub const SCHEMA: &str = "grip.experiment/2";
 /// What an experiment is, in its folder.
 pub const MANIFEST: &str = "experiment.json";
 /// Its results, a trial a line.
 pub const TRIALS: &str = "trials.jsonl";
 /// The field of a manifest that names the build.
 pub const BUILD: &str = "build_sha256";
+/// Its trials that have no result, with the reason.
+pub const LEFT_OUT: &str = "left_out.jsonl";
 /// How long they took.
 pub const TIMINGS: &str = "timings.jsonl";
 /// Attempts from outside: of the first seed and of each failure.

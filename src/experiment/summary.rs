@@ -118,3 +118,89 @@ pub fn pairs(trials: &[TrialResult]) -> Vec<Pairs> {
     }
     found
 }
+
+#[cfg(test)]
+pub mod tests {
+    use super::*;
+    use crate::outcome::{Clauses, FirstAttempt, ItemResult, Measures, Stage, TRIAL_SCHEMA};
+
+    /// An item by hand: its name, whether it was packed, and its first grasp: at which ADD-S, metres, and whether it held.
+    pub type Item<'a> = (&'a str, bool, Option<(f64, bool)>);
+
+    /// A trial by hand.
+    pub fn trial(seed: u64, condition: &str, estimator: &str, items: &[Item<'_>]) -> TrialResult {
+        let item = |&(object, packed, first): &Item<'_>| ItemResult {
+            object: object.into(),
+            outcome: if packed { Outcome::Packed } else { Outcome::Missed },
+            stage: Stage::Done,
+            reason: String::new(),
+            attempts: 1,
+            add_m: None,
+            adds_m: None,
+            slip_m: None,
+            peak_force_n: 0.0,
+            peak_impulse_n_s: 0.0,
+            harmless_impulse_n_s: 0.0,
+            others_moved_m: 0.0,
+            first_attempt: first.map(|(m, held)| FirstAttempt { add_m: Some(m), adds_m: Some(m), held }),
+            failed_attempts: Vec::new(),
+            clauses: Clauses::default(),
+            measures: Measures::default(),
+        };
+        TrialResult {
+            schema: TRIAL_SCHEMA.into(),
+            scenario: String::new(),
+            seed,
+            scene: "grocery".into(),
+            condition: condition.into(),
+            estimator: estimator.into(),
+            detector: "none".into(),
+            object_set: "built-in".into(),
+            renderer: "cpu".into(),
+            hypotheses: "cpu".into(),
+            requested: items.len(),
+            packed: items.iter().filter(|i| i.1).count(),
+            sim_s: 0.0,
+            score: crate::scorecard::ScoreCard::default(),
+            motion_check: crate::motion_check::MotionCheck::default(),
+            items: items.iter().map(item).collect(),
+            state_hash: String::new(),
+            timing: None,
+        }
+    }
+
+    #[test]
+    fn cells_count_their_own_trials_and_items() {
+        let trials = [
+            trial(1, "base", "grip", &[("can", true, None), ("box", true, None)]),
+            trial(2, "base", "grip", &[("can", true, None), ("box", false, None)]),
+            trial(1, "dark", "grip", &[("can", false, None)]),
+        ];
+        let cells = cells(&trials);
+        assert_eq!(cells.len(), 2);
+        let base = &cells[0];
+        assert_eq!((base.condition.as_str(), base.trials, base.full), ("base", 2, 1));
+        assert_eq!((base.items, base.packed, base.share), (4, 3, 0.75));
+        assert_eq!(base.interval, wilson(3, 4));
+        assert_eq!(base.failures, BTreeMap::from([("missed".to_owned(), 1)]));
+        assert_eq!((cells[1].packed, cells[1].items), (0, 1));
+    }
+
+    #[test]
+    fn pairs_are_the_items_that_both_were_given() {
+        let trials = [
+            trial(1, "base", "grip", &[("can", true, None), ("box", true, None)]),
+            trial(2, "base", "grip", &[("can", false, None), ("box", false, None)]),
+            trial(3, "base", "grip", &[("can", false, None)]),
+            trial(1, "base", "truth", &[("box", true, None), ("can", false, None)]),
+            trial(2, "base", "truth", &[("can", true, None), ("box", false, None)]),
+            // The same seed in another condition is another scene.
+            trial(3, "dark", "truth", &[("can", true, None)]),
+        ];
+        let pairs = pairs(&trials);
+        assert_eq!(pairs.len(), 1);
+        assert_eq!(pairs[0].estimators, ["grip", "truth"]);
+        // Both: the box of 1; grip alone: the can of 1; truth alone: the can of 2; none: the box of 2.
+        assert_eq!((pairs[0].items, pairs[0].counts, pairs[0].p), (4, [1, 1, 1, 1], 1.0));
+    }
+}

@@ -15,7 +15,7 @@ use indicatif::ProgressBar;
 use serde::{Deserialize, Serialize};
 
 use super::journal::{self, Journal};
-use super::plan::{Case, Key, Plan, Stage, TIMINGS, TRIALS};
+use super::plan::{Case, Key, LEFT_OUT, Plan, Stage, TIMINGS, TRIALS};
 use crate::outcome::{Timing, TrialResult};
 use crate::trial::{self, Pictures, Spec};
 use crate::{film, pictures, workers};
@@ -31,12 +31,23 @@ pub struct TimingLine {
     pub timing: Timing,
 }
 
+/// A trial without a result, because its objects could not be laid out: a line of left_out.jsonl.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct LeftOut {
+    /// Which trial.
+    #[serde(flatten)]
+    pub key: Key,
+    /// What was tried.
+    pub reason: String,
+}
+
 /// What is written as trials end.
 struct Ledger {
     trials: Journal,
     timings: Journal,
+    skipped: Journal,
     done: Vec<TrialResult>,
-    left_out: Vec<String>,
+    left_out: Vec<LeftOut>,
 }
 
 /// What an experiment has come to.
@@ -45,8 +56,8 @@ pub struct Ran {
     pub results: Vec<TrialResult>,
     /// How many of them were there before.
     pub kept: usize,
-    /// Trials without a result, because their objects could not be laid out; what was tried.
-    pub left_out: Vec<String>,
+    /// Trials without a result, in their order.
+    pub left_out: Vec<LeftOut>,
 }
 
 /// Runs what `out` lacks of the plan, in `jobs` threads. A trial whose objects cannot be laid out is left out with a warning.
@@ -62,15 +73,17 @@ pub fn run(
 ) -> Result<Ran> {
     let (trials, done) = Journal::open::<TrialResult>(&out.join(TRIALS))?;
     let (timings, _) = Journal::open::<TimingLine>(&out.join(TIMINGS))?;
-    let known: BTreeSet<Key> = done.iter().map(Key::of).collect();
+    let (skipped, left_out) = Journal::open::<LeftOut>(&out.join(LEFT_OUT))?;
+    let known: BTreeSet<Key> =
+        done.iter().map(Key::of).chain(left_out.iter().map(|line| line.key.clone())).collect();
     let missing: Vec<&Case> = plan.cases.iter().filter(|case| !known.contains(&case.key)).collect();
     let kept = done.len();
     progress.set_length(plan.cases.len() as u64);
-    progress.set_position(kept as u64);
+    progress.set_position(known.len() as u64);
     progress.reset_eta();
 
     let next = AtomicUsize::new(0);
-    let ledger = Mutex::new(Ledger { trials, timings, done, left_out: Vec::new() });
+    let ledger = Mutex::new(Ledger { trials, timings, skipped, done, left_out });
     let worker = |stop: &AtomicBool| {
         let mut renderer = render::open(renderer)?;
         ensure!(
@@ -96,9 +109,11 @@ pub fn run(
             let trial = match ran {
                 Ok(trial) => trial,
                 Err(error) if matches!(error.downcast_ref(), Some(grip_sim::Error::NoLayout(_))) => {
-                    let why = format!("{}: {error}", which());
-                    progress.suspend(|| log::warn!("left out: {why}"));
-                    lock(&ledger).left_out.push(why);
+                    progress.suspend(|| log::warn!("left out: {}: {error}", which()));
+                    let line = LeftOut { key: case.key.clone(), reason: error.to_string() };
+                    let mut ledger = lock(&ledger);
+                    ledger.skipped.append(&line)?;
+                    ledger.left_out.push(line);
                     progress.inc(1);
                     continue;
                 }
@@ -124,16 +139,18 @@ pub fn run(
     };
     workers::run(jobs.clamp(1, missing.len().max(1)), worker)?;
 
-    let Ledger { trials, timings, done: mut results, left_out } =
+    let Ledger { trials, timings, skipped, done: mut results, mut left_out } =
         ledger.into_inner().unwrap_or_else(std::sync::PoisonError::into_inner);
     results.sort_by_key(Key::of);
+    left_out.sort_by(|a, b| a.key.cmp(&b.key));
     // In order of the trials, not of their ends: the same bytes from every run.
     journal::write_whole(&out.join(TRIALS), &results)?;
+    journal::write_whole(&out.join(LEFT_OUT), &left_out)?;
     let mut seconds: BTreeMap<Key, TimingLine> = BTreeMap::new();
     let lines = journal::read::<TimingLine>(&out.join(TIMINGS))?;
     seconds.extend(lines.into_iter().map(|line| (line.key.clone(), line)));
     journal::write_whole(&out.join(TIMINGS), &seconds.into_values().collect::<Vec<_>>())?;
-    drop((trials, timings));
+    drop((trials, timings, skipped));
     Ok(Ran { results, kept, left_out })
 }
 

@@ -3,6 +3,7 @@
 //! A small state machine, one step of the plan after the other. Guarded motions stop on contact; a grasp has missed
 //! when the fingers close completely; an object is lost when they close further while it is carried.
 
+use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
 use crate::plan::{Action, PickPlacePlan, PlanStep, StepName};
@@ -45,9 +46,11 @@ pub trait RobotPort {
     fn fingers(&self) -> [f64; 2];
     /// Force with which the finger drives press, newtons a finger.
     fn grip_force(&self) -> f64;
-    /// Largest external force that arm or fingers feel, newtons, as joint torque sensing gives; what the fingers press
-    /// against each other or an object between them does not count.
-    fn contact_force(&self) -> f64;
+    /// Net external force on the hand, newtons, world frame, as joint torque sensing gives: what the fingers press against
+    /// each other or an object between them cancels, the weight of what they hold does not.
+    fn hand_force(&self) -> Vector3<f64>;
+    /// Largest external force on any other link, newtons.
+    fn link_force(&self) -> f64;
     /// Goes on for one control period.
     ///
     /// # Errors
@@ -58,7 +61,7 @@ pub trait RobotPort {
 /// Settings of [`execute`].
 #[derive(Debug, Clone, PartialEq)]
 pub struct ExecutorSettings {
-    /// Contact force that stops a free motion, newtons above what was felt at its start. Default 60.
+    /// Contact force that stops a free motion, newtons beside what was felt at its start. Default 60.
     pub free_force: f64,
     /// Control periods in a row for which a force must last to stop a motion. Default 2.
     pub force_periods: u32,
@@ -79,7 +82,7 @@ pub struct ExecutorSettings {
     /// Change of the width while carrying that counts as lost, metres. Default 0.010.
     pub slip_limit: f64,
     /// A lowering motion that meets something with less than this left lets go there, metres. Default 0.1: on what
-    /// stands in its way in the bin, rather than to carry it about.
+    /// stands in its way in the bin, rather than to carry it about. The hand then draws back the way it came.
     pub early_release: f64,
     /// Share of the planned speed when backing off. Default 0.5.
     pub back_off: f64,
@@ -135,6 +138,20 @@ impl From<StepName> for ExecStage {
     }
 }
 
+/// What an execution failed of.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum ExecCause {
+    /// The arm, the hand or what it holds met something, or the robot stopped itself.
+    Contact,
+    /// The fingers closed on nothing.
+    Missed,
+    /// What was held is no longer in the hand.
+    Lost,
+    /// The joints are not where they should be.
+    Astray,
+}
+
 /// How an execution ended.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
@@ -145,6 +162,8 @@ pub enum ExecOutcome {
     Failed {
         /// Where.
         stage: ExecStage,
+        /// What of.
+        cause: ExecCause,
         /// In words.
         reason: String,
     },
@@ -159,7 +178,7 @@ pub struct StepReport {
     pub begin_s: f64,
     /// End, seconds of the port's time.
     pub end_s: f64,
-    /// Largest contact force felt, newtons.
+    /// Largest force felt beside what was felt when it began, newtons.
     pub peak_contact_n: f64,
     /// The motion stopped on contact before its end.
     pub stopped_early: bool,
@@ -183,11 +202,11 @@ pub struct ExecutionReport {
 }
 
 impl ExecutionReport {
-    /// Stage and reason when it failed.
-    pub fn failure(&self) -> Option<(ExecStage, String)> {
+    /// Stage, cause and reason when it failed.
+    pub fn failure(&self) -> Option<(ExecStage, ExecCause, &str)> {
         match &self.outcome {
             ExecOutcome::Done => None,
-            ExecOutcome::Failed { stage, reason } => Some((*stage, reason.clone())),
+            ExecOutcome::Failed { stage, cause, reason } => Some((*stage, *cause, reason)),
         }
     }
 

@@ -1,8 +1,10 @@
 //! The state machine: one step of a plan after the other, and what to do when one fails.
 
+use nalgebra::Vector3;
+
 use super::{
-    ControlTarget, ExecOutcome, ExecutionReport, ExecutorSettings, GripperCommand, Observer, RobotPort,
-    StepReport,
+    ControlTarget, ExecCause, ExecOutcome, ExecutionReport, ExecutorSettings, GripperCommand, Observer,
+    RobotPort, StepReport,
 };
 use crate::plan::{Action, Guard, PlanStep, StepName};
 use crate::timing::Trajectory;
@@ -22,6 +24,7 @@ pub(super) fn run(
         gripper: GripperCommand::Hold,
         opened: GripperCommand::Hold,
         step: StepName::Open,
+        before: Felt::default(),
         peak_contact: 0.0,
         report: ExecutionReport {
             steps: Vec::new(),
@@ -33,26 +36,38 @@ pub(super) fn run(
         },
     };
     let mut approach: Option<&Trajectory> = None;
+    // Where a lowering motion stopped high above its goal: the way back begins there and not at the goal.
+    let mut stopped_high: Option<(&Trajectory, f64)> = None;
     for step in steps {
         if let (StepName::Approach, Action::Move { trajectory, .. }) = (step.name, &step.action) {
             approach = Some(trajectory);
         }
         let begin_s = run.port.time();
         run.step = step.name;
+        run.before = run.felt();
         run.peak_contact = 0.0;
-        let result = run.perform(step);
+        let result = match stopped_high.take_if(|_| step.name == StepName::Retreat) {
+            Some((lower, gone)) => run.back(lower, gone, 0.0).map(|()| End::Complete),
+            None => run.perform(step),
+        };
+        if let (Ok(End::Stopped { gone, high: true }), Action::Move { trajectory, .. }) =
+            (&result, &step.action)
+        {
+            stopped_high = Some((trajectory, *gone));
+        }
         let report = StepReport {
             name: step.name,
             begin_s,
             end_s: run.port.time(),
             peak_contact_n: run.peak_contact,
-            stopped_early: matches!(result, Ok(End::Stopped)),
+            stopped_early: matches!(result, Ok(End::Stopped { .. })),
         };
         run.observer.step_done(&report);
         run.report.steps.push(report);
         if let Err(stop) = result {
-            run.report.outcome = ExecOutcome::Failed { stage: step.name.into(), reason: stop.reason };
-            run.recover(step, approach, stop.gone);
+            let Stop { cause, reason, gone } = stop;
+            run.report.outcome = ExecOutcome::Failed { stage: step.name.into(), cause, reason };
+            run.recover(step, approach, gone);
             break;
         }
     }
@@ -65,14 +80,43 @@ const FARTHEST_START: f64 = 0.25;
 /// How a step ended well.
 enum End {
     Complete,
-    /// On contact, near enough to the goal.
-    Stopped,
+    /// On contact, near enough to the goal, after so many seconds of the trajectory.
+    Stopped {
+        gone: f64,
+        /// Farther from the goal than what a guard calls near.
+        high: bool,
+    },
 }
 
 /// Why a step ended badly, and how many seconds of its trajectory were done.
 struct Stop {
+    cause: ExecCause,
     reason: String,
     gone: f64,
+}
+
+impl Stop {
+    fn new(cause: ExecCause, reason: String) -> Self {
+        Self { cause, reason, gone: 0.0 }
+    }
+
+    fn after(self, gone: f64) -> Self {
+        Self { gone, ..self }
+    }
+}
+
+/// The forces on the robot at a moment.
+#[derive(Clone, Copy, Default)]
+struct Felt {
+    hand: Vector3<f64>,
+    link: f64,
+}
+
+impl Felt {
+    /// How much more, or in another direction, than at another moment, newtons: a held object's weight is no contact.
+    fn beside(&self, before: &Self) -> f64 {
+        (self.hand - before.hand).norm().max(self.link - before.link)
+    }
 }
 
 struct Run<'a, P, O> {
@@ -84,6 +128,8 @@ struct Run<'a, P, O> {
     /// The last command that opened the gripper.
     opened: GripperCommand,
     step: StepName,
+    /// What was felt when the step began.
+    before: Felt,
     peak_contact: f64,
     report: ExecutionReport,
 }
@@ -96,9 +142,7 @@ impl<P: RobotPort, O: Observer> Run<'_, P, O> {
                 if let GripperCommand::Open { .. } = command {
                     self.opened = *command;
                 }
-                self.grip(*command, *width)
-                    .map(|()| End::Complete)
-                    .map_err(|reason| Stop { reason, gone: 0.0 })
+                self.grip(*command, *width).map(|()| End::Complete)
             }
             Action::Move { trajectory, guard, holding } => self.follow(trajectory, guard.as_ref(), *holding),
         }
@@ -108,11 +152,20 @@ impl<P: RobotPort, O: Observer> Run<'_, P, O> {
         self.port.fingers().iter().sum()
     }
 
+    fn felt(&self) -> Felt {
+        Felt { hand: self.port.hand_force(), link: self.port.link_force() }
+    }
+
+    /// The force of contacts, newtons: what is felt beside what was felt when the step began.
+    fn contact_force(&self) -> f64 {
+        self.felt().beside(&self.before)
+    }
+
     /// One control period.
-    fn tick(&mut self) -> Result<(), String> {
+    fn tick(&mut self) -> Result<(), Stop> {
         let target = ControlTarget { joints: &self.target, gripper: self.gripper };
-        self.port.step(&target).map_err(|stop| stop.to_string())?;
-        let force = self.port.contact_force();
+        self.port.step(&target).map_err(|stop| Stop::new(ExecCause::Contact, stop.to_string()))?;
+        let force = self.contact_force();
         self.peak_contact = self.peak_contact.max(force);
         self.report.peak_contact_n = self.report.peak_contact_n.max(force);
         self.report.peak_grip_n = self.report.peak_grip_n.max(self.port.grip_force());
@@ -122,7 +175,6 @@ impl<P: RobotPort, O: Observer> Run<'_, P, O> {
 
     fn follow(&mut self, trajectory: &Trajectory, guard: Option<&Guard>, holding: bool) -> Result<End, Stop> {
         let begin = self.port.time();
-        let baseline = self.port.contact_force();
         let limit = guard.map_or(self.settings.free_force, |g| g.force_n);
         // After a motion that stopped early the arm is not where this one begins: the difference fades out on the way.
         let offset: Vec<f64> = trajectory
@@ -133,20 +185,19 @@ impl<P: RobotPort, O: Observer> Run<'_, P, O> {
             .collect();
         if let Some(far) = offset.iter().find(|o| o.is_nan() || o.abs() > FARTHEST_START) {
             let reason = format!("the robot is not where the motion begins: a joint is {far:.3} off");
-            return Err(Stop { reason, gone: 0.0 });
+            return Err(Stop::new(ExecCause::Astray, reason));
         }
         let mut pressed = 0;
         loop {
             let gone = self.port.time() - begin;
-            let fail = |reason: String| Stop { reason, gone };
             self.aim(trajectory, gone + self.port.period(), &offset);
-            self.tick().map_err(fail)?;
+            self.tick().map_err(|stop| stop.after(gone))?;
             if holding {
-                self.watch_object().map_err(fail)?;
+                self.watch_object().map_err(|stop| stop.after(gone))?;
             }
-            pressed = if self.port.contact_force() - baseline > limit { pressed + 1 } else { 0 };
+            pressed = if self.contact_force() > limit { pressed + 1 } else { 0 };
             if pressed >= self.settings.force_periods {
-                return self.touched(trajectory, guard, gone, limit, &offset, baseline);
+                return self.touched(trajectory, guard, gone, limit, &offset);
             }
             if gone >= trajectory.duration {
                 break;
@@ -163,7 +214,6 @@ impl<P: RobotPort, O: Observer> Run<'_, P, O> {
         gone: f64,
         limit: f64,
         offset: &[f64],
-        baseline: f64,
     ) -> Result<End, Stop> {
         // Stay where the contact was felt instead of pressing on.
         let measured = self.port.joints();
@@ -178,29 +228,41 @@ impl<P: RobotPort, O: Observer> Run<'_, P, O> {
                 guard.near
             };
             if left <= enough {
-                self.relieve(trajectory, gone, limit, offset, baseline)?;
-                return Ok(End::Stopped);
+                let gone = self.relieve(trajectory, gone, limit, offset)?;
+                return Ok(End::Stopped { gone, high: left > guard.near });
             }
-            return Err(Stop { reason: format!("contact above {limit:.0} N with {left:.3} m to go"), gone });
+            let reason = format!("contact above {limit:.0} N with {left:.3} m to go");
+            return Err(Stop::new(ExecCause::Contact, reason).after(gone));
         }
-        Err(Stop { reason: format!("unexpected contact above {limit:.0} N"), gone })
+        Err(Stop::new(ExecCause::Contact, format!("unexpected contact above {limit:.0} N")).after(gone))
     }
 
     /// Draws back the way it came until the contact hardly presses, so that nothing is squeezed while the fingers move.
+    /// Returns where on the trajectory it is then.
     fn relieve(
         &mut self,
         trajectory: &Trajectory,
         gone: f64,
         limit: f64,
         offset: &[f64],
-        baseline: f64,
-    ) -> Result<(), Stop> {
+    ) -> Result<f64, Stop> {
         let last = (gone - self.settings.relief).max(0.0);
         let mut t = gone;
-        while t > last && self.port.contact_force() - baseline > 0.25 * limit {
+        while t > last && self.contact_force() > 0.25 * limit {
             t = (t - self.port.period() * self.settings.back_off).max(last);
             self.aim(trajectory, t, offset);
-            self.tick().map_err(|reason| Stop { reason, gone: t })?;
+            self.tick().map_err(|stop| stop.after(t))?;
+        }
+        Ok(t)
+    }
+
+    /// Goes back along a trajectory, slower, from one time of it to an earlier one.
+    fn back(&mut self, trajectory: &Trajectory, from: f64, to: f64) -> Result<(), Stop> {
+        let mut t = from;
+        while t > to {
+            t = (t - self.port.period() * self.settings.back_off).max(to);
+            self.aim(trajectory, t, &[]);
+            self.tick().map_err(|stop| stop.after(t))?;
         }
         Ok(())
     }
@@ -217,7 +279,7 @@ impl<P: RobotPort, O: Observer> Run<'_, P, O> {
 
     /// Waits for the joints to arrive.
     fn settle(&mut self, trajectory: &Trajectory, holding: bool) -> Result<End, Stop> {
-        let fail = |reason: String| Stop { reason, gone: trajectory.duration };
+        let gone = trajectory.duration;
         let end = self.port.time() + self.settings.settle;
         loop {
             let measured = self.port.joints();
@@ -228,19 +290,20 @@ impl<P: RobotPort, O: Observer> Run<'_, P, O> {
             }
             if self.port.time() >= end {
                 if off > self.settings.lost {
-                    return Err(fail(format!("a joint is {off:.3} short of its goal")));
+                    let reason = format!("a joint is {off:.3} short of its goal");
+                    return Err(Stop::new(ExecCause::Astray, reason).after(gone));
                 }
                 return Ok(End::Complete);
             }
-            self.tick().map_err(fail)?;
+            self.tick().map_err(|stop| stop.after(gone))?;
             if holding {
-                self.watch_object().map_err(fail)?;
+                self.watch_object().map_err(|stop| stop.after(gone))?;
             }
         }
     }
 
     /// Moves the fingers and judges a grasp.
-    fn grip(&mut self, command: GripperCommand, expected: f64) -> Result<(), String> {
+    fn grip(&mut self, command: GripperCommand, expected: f64) -> Result<(), Stop> {
         let begin = self.port.time();
         let window = (0.1 / self.port.period()).ceil() as usize;
         let mut widths = vec![self.width()];
@@ -269,18 +332,19 @@ impl<P: RobotPort, O: Observer> Run<'_, P, O> {
             self.report.grasp_width_m = Some(width);
             let missed = (self.settings.miss_share * expected).max(self.settings.miss_width);
             if width < missed {
-                return Err(format!(
+                let reason = format!(
                     "missed: the fingers closed to {:.1} mm, the object is {:.1} mm wide",
                     1e3 * width,
                     1e3 * expected
-                ));
+                );
+                return Err(Stop::new(ExecCause::Missed, reason));
             }
         }
         Ok(())
     }
 
     /// The fingers of a hand that holds something do not move.
-    fn watch_object(&mut self) -> Result<(), String> {
+    fn watch_object(&mut self) -> Result<(), Stop> {
         let Some(grasped) = self.report.grasp_width_m else {
             return Ok(());
         };
@@ -289,11 +353,12 @@ impl<P: RobotPort, O: Observer> Run<'_, P, O> {
         self.report.slip_m = self.report.slip_m.max(slip);
         let closed = width < (self.settings.miss_share * grasped).max(self.settings.miss_width);
         if closed || slip > self.settings.slip_limit {
-            return Err(format!(
+            let reason = format!(
                 "lost the object: the fingers went from {:.1} to {:.1} mm",
                 1e3 * grasped,
                 1e3 * width
-            ));
+            );
+            return Err(Stop::new(ExecCause::Lost, reason));
         }
         Ok(())
     }
@@ -317,14 +382,7 @@ impl<P: RobotPort, O: Observer> Run<'_, P, O> {
             _ => None,
         };
         if let Some((trajectory, from, to)) = back {
-            let mut t = from;
-            while t > to {
-                t = (t - self.port.period() * self.settings.back_off).max(to);
-                self.aim(trajectory, t, &[]);
-                if self.tick().is_err() {
-                    return;
-                }
-            }
+            let _ = self.back(trajectory, from, to);
         }
     }
 }

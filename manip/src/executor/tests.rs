@@ -14,8 +14,9 @@ struct Fake {
     object: f64,
     /// Time at which the object is lost.
     lost_at: f64,
-    /// The arm feels 50 N beyond this position.
+    /// The hand feels 30 N beyond this position, and below that one.
     wall: f64,
+    floor: f64,
     /// Time of a protective stop, which passes.
     stop_at: f64,
     /// Highest speed commanded while the gripper is closed.
@@ -32,6 +33,7 @@ impl Fake {
             object,
             lost_at: f64::INFINITY,
             wall: f64::INFINITY,
+            floor: f64::NEG_INFINITY,
             stop_at: f64::INFINITY,
             fastest: 0.0,
         }
@@ -54,8 +56,14 @@ impl RobotPort for Fake {
             _ => 0.0,
         }
     }
-    fn contact_force(&self) -> f64 {
-        if self.q > self.wall { 50.0 } else { 0.5 }
+    fn hand_force(&self) -> Vector3<f64> {
+        let weight = if self.fingers <= 0.5 * self.object { 15.0 } else { 0.0 };
+        let wall = if self.q > self.wall || self.q < self.floor { 30.0 } else { 0.0 };
+        // What carries a load pushes against its weight.
+        Vector3::z() * (wall - weight)
+    }
+    fn link_force(&self) -> f64 {
+        0.5
     }
     fn step(&mut self, target: &ControlTarget<'_>) -> Result<(), ProtectiveStop> {
         self.time += self.period();
@@ -132,8 +140,9 @@ fn a_good_grasp_is_carried_to_the_end() {
 #[test]
 fn fingers_that_close_completely_have_missed_and_the_hand_draws_back_open() {
     let mut port = Fake::new(0.0);
-    let (stage, reason) = go(&mut port).failure().unwrap();
-    assert_eq!(stage, ExecStage::Grasp);
+    let report = go(&mut port);
+    let (stage, cause, reason) = report.failure().unwrap();
+    assert_eq!((stage, cause), (ExecStage::Grasp, ExecCause::Missed));
     assert!(reason.contains("missed"), "{reason}");
     assert!((port.q - 0.5).abs() < 1e-6 && port.fingers > 0.049);
 }
@@ -143,8 +152,8 @@ fn an_early_contact_fails_the_approach_and_a_late_one_grasps_there() {
     let mut port = Fake::new(0.06);
     port.wall = 0.53;
     let report = go(&mut port);
-    let (stage, reason) = report.failure().unwrap();
-    assert_eq!(stage, ExecStage::Approach);
+    let (stage, cause, reason) = report.failure().unwrap();
+    assert_eq!((stage, cause), (ExecStage::Approach, ExecCause::Contact));
     assert!(reason.contains("contact"), "{reason}");
     assert!((port.q - 0.5).abs() < 1e-6, "backed off");
     let mut port = Fake::new(0.06);
@@ -158,8 +167,9 @@ fn an_early_contact_fails_the_approach_and_a_late_one_grasps_there() {
 fn a_plan_for_another_configuration_is_refused_without_a_motion() {
     let mut port = Fake::new(0.06);
     port.q = 1.0;
-    let (_, reason) = go(&mut port).failure().unwrap();
-    assert!(reason.contains("not where"), "{reason}");
+    let report = go(&mut port);
+    let (_, cause, reason) = report.failure().unwrap();
+    assert!(cause == ExecCause::Astray && reason.contains("not where"), "{reason}");
     assert!((port.q - 1.0).abs() < 1e-12);
 }
 
@@ -167,16 +177,36 @@ fn a_plan_for_another_configuration_is_refused_without_a_motion() {
 fn an_object_lost_on_the_way_is_noticed_by_the_fingers() {
     let mut port = Fake::new(0.06);
     port.lost_at = 3.0;
-    let (stage, reason) = go(&mut port).failure().unwrap();
+    let report = go(&mut port);
+    let (stage, cause, reason) = report.failure().unwrap();
     assert!(matches!(stage, ExecStage::Lift | ExecStage::Carry), "{stage:?}");
-    assert!(reason.contains("lost"), "{reason}");
+    assert!(cause == ExecCause::Lost && reason.contains("lost"), "{reason}");
 }
 
 #[test]
 fn a_protective_stop_ends_the_execution_with_its_reason() {
     let mut port = Fake::new(0.06);
     port.stop_at = 1.4;
-    let (stage, reason) = go(&mut port).failure().unwrap();
-    assert_eq!(stage, ExecStage::Approach);
+    let report = go(&mut port);
+    let (stage, cause, reason) = report.failure().unwrap();
+    assert_eq!((stage, cause), (ExecStage::Approach, ExecCause::Contact));
     assert!(reason.contains("too much torque"), "{reason}");
+}
+
+#[test]
+fn what_meets_something_on_the_way_down_is_let_go_there_and_the_hand_goes_back_up() {
+    let mut port = Fake::new(0.06);
+    port.floor = -0.44;
+    let report = go(&mut port);
+    assert_eq!(report.failure(), None);
+    let lower = &report.steps[6];
+    assert!(lower.name == StepName::Lower && lower.stopped_early);
+    // Where the lowering began, and not a retreat from where it would have ended.
+    assert!((port.q + 0.4).abs() < 1e-6, "{}", port.q);
+    // Close to the goal it is the goal.
+    let mut port = Fake::new(0.06);
+    port.floor = -0.49;
+    let report = go(&mut port);
+    assert!(report.steps[6].stopped_early && report.failure().is_none());
+    assert!((port.q + 0.4).abs() < 1e-6);
 }

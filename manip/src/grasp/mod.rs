@@ -113,6 +113,9 @@ pub struct GraspSettings {
     pub standoff: f64,
     /// Grasps returned at most. Default 40.
     pub keep: usize,
+    /// A grasp of this score is worth taking before others are picked away. Default 7.5, of 10.7 that weights give at most: of
+    /// 60 grasps in clutter three of four that slipped were below it and two of 56 that held.
+    pub firm: f64,
 }
 
 impl Default for GraspSettings {
@@ -126,6 +129,7 @@ impl Default for GraspSettings {
             spread: 0.5,
             standoff: 0.09,
             keep: 40,
+            firm: 7.5,
         }
     }
 }

@@ -61,6 +61,8 @@ pub struct ObjectContacts {
     pub largest_force: f64,
     /// Sum of the magnitudes of the normal forces by everything but the fingers, newtons.
     pub blow_force: f64,
+    /// Net normal force by everything but the hand, newtons, world frame.
+    pub outside: Vector3<f64>,
     /// Objects that press this one down, and with how many newtons each.
     pub loads: Vec<(usize, f64)>,
     /// Objects that press on this one or that it presses on.
@@ -90,8 +92,8 @@ impl ObjectContacts {
 pub(super) struct Contacts {
     /// By object index.
     pub objects: Vec<ObjectContacts>,
-    /// Net normal force on the two fingers together, newtons, world frame. A squeeze cancels out, a bump does not.
-    pub hand_force: Vector3<f64>,
+    /// Net normal force on the two fingers by what is fixed, newtons, world frame.
+    pub on_fingers: Vector3<f64>,
     /// Largest normal force on a single robot link that is not a finger, newtons, and that link.
     pub link_force: Option<(f64, usize)>,
 }
@@ -118,8 +120,8 @@ fn force(pair: &ContactPair, dt: f32) -> Option<Vector3<f64>> {
 }
 
 impl Contacts {
-    /// Reads the narrow phase after a step.
-    pub fn read(physics: &PhysicsWorld, objects: usize) -> Self {
+    /// Reads the narrow phase after a step. `hand` is the link that carries the fingers.
+    pub fn read(physics: &PhysicsWorld, objects: usize, hand: usize) -> Self {
         let mut contacts = Self { objects: vec![ObjectContacts::default(); objects], ..Self::default() };
         let mut links: Vec<(usize, Vector3<f64>)> = Vec::new();
         for pair in physics.narrow_phase.contact_pairs() {
@@ -128,8 +130,8 @@ impl Contacts {
             let (Some(first), Some(second)) = (body(pair.collider1), body(pair.collider2)) else { continue };
             for (me, other, force) in [(first, second, on_first), (second, first, -on_first)] {
                 match me {
-                    Body::Object(i) => contacts.objects[i].add(other, force),
-                    Body::Finger(_) if !matches!(other, Body::Finger(_)) => contacts.hand_force += force,
+                    Body::Object(i) => contacts.objects[i].add(other, force, hand),
+                    Body::Finger(_) if matches!(other, Body::Fixture(_)) => contacts.on_fingers += force,
                     Body::Link(link) => match links.iter_mut().find(|(l, _)| *l == link) {
                         Some((_, sum)) => *sum += force,
                         None => links.push((link, force)),
@@ -145,8 +147,11 @@ impl Contacts {
 }
 
 impl ObjectContacts {
-    fn add(&mut self, other: Body, force: Vector3<f64>) {
+    fn add(&mut self, other: Body, force: Vector3<f64>, hand: usize) {
         let newtons = force.norm();
+        if !matches!(other, Body::Finger(_)) && other != Body::Link(hand) {
+            self.outside += force;
+        }
         self.largest_force = self.largest_force.max(newtons);
         if !matches!(other, Body::Finger(_)) {
             self.blow_force += newtons;

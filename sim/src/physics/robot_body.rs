@@ -34,6 +34,10 @@ const FINGER_DAMPING: f32 = 200.0;
 /// Mass of a finger with its drive, kg, and its moment of inertia, kg m^2 (a zero would make NaN).
 const FINGER_MASS: f32 = 0.25;
 const FINGER_INERTIA: f32 = 2.0e-4;
+/// Radius of the edges of the fingers, metres. It makes contacts of grasps a matter of distances, which are exact, and not of
+/// penetration depths: for boxes that touch by some micrometres parry 0.31 now and then takes another side for the nearest,
+/// which was a blow of 400 N on one grasp of a bottle in eight.
+const FINGER_EDGE: f32 = 0.001;
 /// Coulomb friction of the rubber pads; averaged with the object's.
 const PAD_FRICTION: f32 = 0.9;
 
@@ -150,7 +154,7 @@ pub(super) struct RobotBody {
     model: Arc<RobotModel>,
     world_from_base: Isometry3<f64>,
     /// Gripper link index.
-    gripper: usize,
+    pub gripper: usize,
     links: Vec<LinkBody>,
     pub fingers: [Finger; 2],
     /// Measured joint positions, all movable joints.
@@ -409,6 +413,17 @@ fn is_moved(model: &RobotModel, link: usize) -> bool {
     false
 }
 
+/// The same box with round edges; any other solid as it is.
+fn rounded(solid: SharedShape) -> SharedShape {
+    match solid.as_cuboid().map(|cuboid| cuboid.half_extents) {
+        Some(half) if half.min_element() > 2.0 * FINGER_EDGE => {
+            let flat = half - Vector::splat(FINGER_EDGE);
+            SharedShape::round_cuboid(flat.x, flat.y, flat.z, FINGER_EDGE)
+        }
+        _ => solid,
+    }
+}
+
 fn insert_finger(
     physics: &mut PhysicsWorld,
     model: &RobotModel,
@@ -435,7 +450,7 @@ fn insert_finger(
         let (at, solid) =
             convert::solid(shape).ok_or_else(|| flat_shape(model, &model.links()[link].name))?;
         physics.insert_collider(
-            ColliderBuilder::new(solid)
+            ColliderBuilder::new(rounded(solid))
                 .position(at)
                 .density(0.0)
                 .friction(PAD_FRICTION)

@@ -238,6 +238,39 @@ fn friction_and_force_alone_decide_whether_a_block_is_lifted() {
 }
 
 #[test]
+fn the_hand_feels_what_hangs_on_its_pads_and_what_carries_it() {
+    let (mass, force_n) = (0.8, 30.0);
+    let (mut world, config) = world_over(0.7, 0.0, TABLE + 0.05);
+    world.add_object(block([0.02, 0.03, 0.03], mass, 0.6), &at(0.7, 0.0, TABLE + 0.031)).unwrap();
+    let felt = |world: &mut World, grip: Grip| {
+        let (target, _) = world.hold();
+        (0..STEP_HZ / 2).for_each(|_| world.step(&target, grip));
+        let mut sum = Vector3::zeros();
+        for _ in 0..STEP_HZ / 8 {
+            world.step(&target, grip);
+            sum += world.hand_force();
+        }
+        sum / f64::from(STEP_HZ / 8)
+    };
+    let open = world.hold().1;
+    assert_eq!(felt(&mut world, open), Vector3::zeros());
+    let close = Grip::Close { force_n };
+    let squeezed = felt(&mut world, close);
+    // Pads that close drag a little by friction.
+    assert!(squeezed.norm() < 2.5, "a squeeze of 30 N cancels, and the table bears the weight: {squeezed}");
+    move_gripper(&mut world, &config, &down(0.7, 0.0, TABLE + 0.15), 1.5, close);
+    let weight = mass * 9.81;
+    let held = felt(&mut world, close);
+    assert!((held - Vector3::z() * -weight).norm() < 0.3, "{held}");
+    // Put down again, and 4 mm farther: by friction on the pads alone the table pushes back.
+    move_gripper(&mut world, &config, &down(0.7, 0.0, TABLE + 0.046), 1.5, close);
+    let pressed = felt(&mut world, close);
+    assert!(pressed.z > 10.0 && pressed.xy().norm() < 3.0, "{pressed}");
+    // No more than the pads hold: 2 mu F = 45 N.
+    assert!(pressed.z < 45.0 + 5.0, "{pressed}");
+}
+
+#[test]
 fn the_arm_keeps_its_velocity_and_acceleration_limits() {
     let (mut world, config) = world();
     let robot = world.robot_model.clone();

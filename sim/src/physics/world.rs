@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use nalgebra::Isometry3;
+use nalgebra::{Isometry3, Vector3};
 use rapier3d::prelude::*;
 use sha2::{Digest, Sha256};
 
@@ -53,6 +53,8 @@ pub(super) struct ObjectBody {
     pub peak_impulse: f64,
     /// Half of the object's middle extent: the lever arm of rolling resistance scales with it.
     radius: f64,
+    /// Velocity after the last step, m/s.
+    velocity: Vector3<f64>,
 }
 
 /// Everything that physics moves, and the truth about it.
@@ -65,6 +67,7 @@ pub struct World {
     /// Which fixtures are parts of the bin.
     bin_parts: Vec<usize>,
     contacts: Contacts,
+    hand_force: Vector3<f64>,
     steps: u64,
     step_hz: u32,
     for_layout: bool,
@@ -108,6 +111,7 @@ impl World {
             fixed,
             bin_parts,
             contacts: Contacts::default(),
+            hand_force: Vector3::zeros(),
             steps: 0,
             step_hz: STEP_HZ,
             for_layout: false,
@@ -211,6 +215,7 @@ impl World {
             recent: [0.0; BLOW_STEPS],
             peak_impulse: 0.0,
             radius: half[1],
+            velocity: Vector3::zeros(),
         });
         self.contacts.objects.push(ObjectContacts::default());
         Ok(index)
@@ -231,7 +236,8 @@ impl World {
         self.robot.drive(&mut self.physics, target, grip, dt);
         self.resist_rolling(dt);
         self.physics.step_with_events(&(), &());
-        self.contacts = Contacts::read(&self.physics, self.objects.len());
+        self.contacts = Contacts::read(&self.physics, self.objects.len(), self.robot.gripper);
+        self.feel(dt);
         self.robot.sense(&self.physics, &self.contacts, &self.fixed);
         for (object, contacts) in self.objects.iter_mut().zip(&self.contacts.objects) {
             object.peak_force = object.peak_force.max(contacts.largest_force);
@@ -239,6 +245,22 @@ impl World {
             object.peak_impulse = object.peak_impulse.max(object.recent.iter().sum());
         }
         self.steps += 1;
+    }
+
+    /// What the hand feels. Objects hang on the pads by friction, of which the solver tells nothing: by Newton's second law an
+    /// object in the hand passes on its weight, its inertia and what presses on it from elsewhere (friction there aside).
+    fn feel(&mut self, dt: f64) {
+        self.hand_force = self.contacts.on_fingers;
+        for (object, contacts) in self.objects.iter_mut().zip(&self.contacts.objects) {
+            let Some(body) = self.physics.bodies.get(object.body) else { continue };
+            let velocity = convert::from_vector(body.linvel());
+            if contacts.fingers.iter().any(|finger| finger.force.norm() > 0.0) {
+                let acceleration = (velocity - object.velocity) / dt;
+                let gravity = convert::from_vector(self.physics.gravity);
+                self.hand_force += contacts.outside + object.model.info.mass_kg * (gravity - acceleration);
+            }
+            object.velocity = velocity;
+        }
     }
 
     /// Rolling resistance: a torque against the rotation, proportional to the force that presses the object on what it
@@ -441,10 +463,15 @@ impl World {
         self.robot.grip_force()
     }
 
-    /// Largest external force that the arm feels: the net force on the hand, in which a squeeze cancels, or the force on
-    /// any other link, newtons.
-    pub fn contact_force(&self) -> f64 {
-        self.contacts.hand_force.norm().max(self.contacts.link_force.map_or(0.0, |(f, _)| f))
+    /// Net external force on the hand in the last step, newtons, world frame: a squeeze cancels, the weight of what is held
+    /// does not.
+    pub fn hand_force(&self) -> Vector3<f64> {
+        self.hand_force
+    }
+
+    /// Largest normal force on a link that is not a finger in the last step, newtons.
+    pub fn link_force(&self) -> f64 {
+        self.contacts.link_force.map_or(0.0, |(newtons, _)| newtons)
     }
 
     /// Why the arm stopped by itself, if it did.

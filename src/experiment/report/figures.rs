@@ -5,12 +5,13 @@ use std::collections::BTreeMap;
 use anyhow::Result;
 
 use super::calibration::Calibration;
-use super::{Sources, SweepSource, grasp_held};
+use super::{Sources, SweepSource};
 use crate::experiment::stats::kernel_share;
 use crate::experiment::summary::Cell;
 use crate::experiment::sweep::GraspLine;
 use crate::experiment::sweep::errors::Axis;
 use crate::experiment::sweep::fits::ObjectResult;
+use crate::outcome::FirstAttempt;
 use crate::plot::bars::{self, Bar, Bars};
 use crate::plot::{self, Axis as PlotAxis, Curve, Figure, MOST_CURVES, Panel};
 
@@ -90,7 +91,7 @@ pub fn errors(sources: &Sources) -> Result<Option<String>> {
         let (all, tried) = by_estimator.entry(&trial.estimator).or_default();
         for item in &trial.items {
             all.push(item.adds_m.map_or(f64::INFINITY, |m| 1e3 * m));
-            if let (Some(m), Some(held)) = (item.adds_m, grasp_held(item)) {
+            if let Some(FirstAttempt { adds_m: Some(m), held, .. }) = item.first_attempt {
                 tried.push((1e3 * m, held));
             }
         }
@@ -122,7 +123,7 @@ pub fn errors(sources: &Sources) -> Result<Option<String>> {
         title: "Estimates in trials".into(),
         columns: 2,
         panels: vec![
-            panel("Grasps that held", "ADD-S before the grasp, mm", "grasps held, %", held.collect()),
+            panel("First grasps that held", "ADD-S before the grasp, mm", "grasps held, %", held.collect()),
             panel("Accuracy", "threshold of ADD-S, mm", "items within, %", accuracy.collect()),
         ],
     };

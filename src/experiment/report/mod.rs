@@ -11,9 +11,9 @@ use anyhow::{Context, Result, bail, ensure};
 use serde_json::Value;
 
 pub use self::page::{html, p_value};
-use super::plan::{self, Key, TIMINGS, TRIALS};
+use super::plan::{self, Key, LEFT_OUT, TIMINGS, TRIALS};
 use super::sweep::{self, GraspLine};
-use super::trials::TimingLine;
+use super::trials::{LeftOut, TimingLine};
 use super::{journal, summary};
 use crate::outcome::{Timing, TrialResult};
 
@@ -59,7 +59,14 @@ impl Sources {
                 let of = plan::expected(&plan::read_manifest(path)?);
                 let label = (experiments > 1).then_some(name.as_str());
                 let trials = sources.add_experiment(path, label)?;
-                if trials < of {
+                let left_out = journal::read::<LeftOut>(&path.join(LEFT_OUT))?.len();
+                if left_out > 0 {
+                    sources.notes.push(format!(
+                        "{}: {left_out} of {of} trials have no result, because their objects could not be laid out.",
+                        path.display()
+                    ));
+                }
+                if trials + left_out < of {
                     sources.notes.push(format!(
                         "{}: {trials} of {of} trials are there; the others can be run with --resume, or in their shards.",
                         path.display()
@@ -88,6 +95,19 @@ impl Sources {
                     sweep::MANIFEST
                 );
             }
+        }
+        let mut made: BTreeMap<[&str; 3], BTreeSet<[&str; 4]>> = BTreeMap::new();
+        for trial in &sources.trials {
+            let cell = [&*trial.scene, &trial.condition, &trial.estimator];
+            let how = [&*trial.detector, &trial.object_set, &trial.renderer, &trial.hypotheses];
+            made.entry(cell).or_default().insert(how);
+        }
+        for ([scene, condition, estimator], ways) in made.iter().filter(|(_, ways)| ways.len() > 1) {
+            let ways: Vec<String> = ways.iter().map(|way| way.join(" ")).collect();
+            sources.notes.push(format!(
+                "{scene} {condition} {estimator}: trials of several kinds are counted together: {}.",
+                ways.join("; ")
+            ));
         }
         for trial in &sources.trials {
             let key = Key::of(trial);
@@ -230,12 +250,4 @@ fn quoted(text: &str) -> String {
     } else {
         text.to_owned()
     }
-}
-
-/// Whether the grasp of an item that was tried once held: what a sweep asks, too. None of items that took more attempts, of
-/// which only the last one is known so well.
-fn grasp_held(item: &crate::outcome::ItemResult) -> Option<bool> {
-    let c = item.clauses;
-    (item.attempts == 1)
-        .then_some(c.opposing_contacts && c.lifted_clear && c.held_after_carry && c.slip_within)
 }

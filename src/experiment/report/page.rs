@@ -14,6 +14,7 @@ use crate::experiment::sweep::errors::Axis;
 use crate::experiment::sweep::fits::{Fall, results};
 use crate::experiment::sweep::test::GraspOutcome;
 use crate::html::{STYLE, escape, picture, table};
+use crate::plot::MOST_CURVES;
 
 /// Films shown of trials that packed everything, and of others.
 const GOOD_FILMS: usize = 3;
@@ -48,6 +49,13 @@ pub fn html(sources: &Sources) -> Result<String> {
     );
     for note in &sources.notes {
         let _ = write!(page, "<p class=note>{}</p>", escape(note));
+    }
+    let curves = sources.sweeps.iter().map(|sweep| results(&sweep.lines).len()).max().unwrap_or(0);
+    if curves > MOST_CURVES {
+        let _ = write!(
+            page,
+            "<p class=note>Figures have curves of the first {MOST_CURVES} of {curves} objects; tables have all.</p>"
+        );
     }
     let by_cell = cells(&sources.trials);
     if trials > 0 {

@@ -43,7 +43,8 @@ pub struct Fall {
     pub model: Logistic,
     /// Where the chance falls to a half, metres or radians; none within the errors that were tried.
     pub d50: Option<f64>,
-    /// Its interval, 95 %, by a bootstrap that draws layouts; an end that lies beyond the errors tried is none.
+    /// Its interval, 95 %, by a bootstrap that draws layouts; an end that lies beyond the errors tried is none. A fall between
+    /// two neighbouring errors may be anywhere between them.
     pub d50_interval: [Option<f64>; 2],
     /// Where the chance falls to nine tenths; none when it is lower without any error.
     pub d90: Option<f64>,
@@ -79,10 +80,16 @@ impl Fall {
             })
             .collect();
         drawn.sort_by(f64::total_cmp);
-        let at = |q: f64| within(Some(drawn[(q * (RESAMPLES - 1) as f64).round() as usize]));
+        let at = |q: f64| drawn[(q * (RESAMPLES - 1) as f64).round() as usize];
+        let d50 = within(whole.falls_to(0.5));
+        let [least, most] = d50.and_then(|d50| sudden(points, d50)).unwrap_or([f64::INFINITY, 0.0]);
         Some(Self {
-            d50: within(whole.falls_to(0.5)),
-            d50_interval: [at(0.025), at(0.975)],
+            d50,
+            // One layout alone says nothing of others.
+            d50_interval: match groups.len() {
+                1 => [None, None],
+                _ => [within(Some(at(0.025).min(least))), within(Some(at(0.975).max(most)))],
+            },
             d90: within(whole.falls_to(0.9)),
             model: whole,
         })
@@ -92,6 +99,15 @@ impl Fall {
     pub fn chance(&self, x: f64) -> f64 {
         self.model.probability(&[x])
     }
+}
+
+/// The errors next to `d50` on either side if nearly all grasps hold under the one and nearly none under the other: of where
+/// in between they fall nothing is known, whatever curve is laid through them.
+fn sudden(points: &[Point], d50: f64) -> Option<[f64; 2]> {
+    let share = |x: f64| Share::of(x, points.iter().filter(|p| p.1 == x).map(|p| p.2)).share;
+    let below = points.iter().map(|p| p.1).filter(|x| *x <= d50).fold(0.0, f64::max);
+    let above = points.iter().map(|p| p.1).filter(|x| *x > d50).fold(f64::INFINITY, f64::min);
+    (share(below) > 0.95 && share(above) < 0.05).then_some([below, above])
 }
 
 /// Errors along one axis.
@@ -120,9 +136,10 @@ pub struct ObjectResult {
     pub without_error: Option<Share>,
     /// Axis by axis, where errors were along axes.
     pub axes: Vec<AxisResult>,
-    /// Over ADD-S and over ADD of all errors, metres.
+    /// Over ADD-S of random errors, metres. Errors along axes are not how poses err: what their size is worth depends on the
+    /// axes and ranges tried.
     pub adds: Option<Fall>,
-    /// Over ADD.
+    /// The same over ADD.
     pub add: Option<Fall>,
     /// Random errors: chance over translation (metres) and angle (radians): intercept and slopes.
     pub isotropic: Option<Logistic>,
@@ -147,15 +164,16 @@ fn result(object: &str, lines: &[&GraspLine]) -> ObjectResult {
     let none: Vec<bool> =
         tried.iter().filter(|(line, _)| line.error.size() == [0.0, 0.0]).map(|(_, held)| *held).collect();
     let axes = Axis::ALL.into_iter().filter_map(|axis| axis_result(axis, &tried)).collect();
+    let none_or_random = tried.iter().filter(|(line, _)| line.error.axis.is_none());
+    let random: Vec<(&GraspLine, bool)> =
+        none_or_random.clone().filter(|(line, _)| line.error.size() != [0.0, 0.0]).copied().collect();
     let over = |size: fn(&GraspLine) -> f64| {
-        let points: Vec<Point> = tried.iter().map(|(line, held)| (line.seed, size(line), *held)).collect();
-        Fall::fit(&points)
+        let points: Vec<Point> =
+            none_or_random.clone().map(|(line, held)| (line.seed, size(line), *held)).collect();
+        if random.is_empty() { None } else { Fall::fit(&points) }
     };
-    let random: Vec<(Vec<f64>, bool)> = tried
-        .iter()
-        .filter(|(line, _)| line.error.axis.is_none() && line.error.size() != [0.0, 0.0])
-        .map(|(line, held)| (line.error.size().to_vec(), *held))
-        .collect();
+    let sizes: Vec<(Vec<f64>, bool)> =
+        random.iter().map(|(line, held)| (line.error.size().to_vec(), *held)).collect();
     ObjectResult {
         object: object.to_owned(),
         tried: tried.len(),
@@ -165,7 +183,7 @@ fn result(object: &str, lines: &[&GraspLine]) -> ObjectResult {
         axes,
         adds: over(|line| line.adds_m),
         add: over(|line| line.add_m),
-        isotropic: Logistic::fit(&random),
+        isotropic: Logistic::fit(&sizes),
     }
 }
 
@@ -242,7 +260,23 @@ mod tests {
         let [low, high] = positive.d50_interval.map(Option::unwrap);
         assert!(low <= p && p <= high && high - low < 0.01, "{low} {high}");
         assert_eq!(result.without_error.as_ref().unwrap().held, 20);
-        assert!((result.adds.as_ref().unwrap().d50.unwrap() - 0.01).abs() < 0.003);
+        assert_eq!((&result.adds, &result.add, &result.isotropic), (&None, &None, &None), "no random errors");
+    }
+
+    #[test]
+    fn sizes_are_those_of_random_errors() {
+        let mut lines = lines();
+        for line in lines.iter_mut() {
+            line.error.axis = None;
+            let held = line.adds_m < 0.010;
+            line.outcome = if held { GraspOutcome::Held } else { GraspOutcome::Missed };
+        }
+        let result = &results(&lines)[0];
+        assert!((result.adds.as_ref().unwrap().d50.unwrap() - 0.010).abs() < 0.002);
+        assert!((result.add.as_ref().unwrap().d50.unwrap() - 0.020).abs() < 0.004);
+        // One layout has no others to be drawn.
+        lines.retain(|line| line.seed == 3);
+        assert_eq!(results(&lines)[0].adds.as_ref().unwrap().d50_interval, [None, None]);
     }
 
     #[test]
@@ -254,6 +288,19 @@ mod tests {
         let result = &results(&lines)[0];
         assert_eq!((result.tried, result.unreachable), (10 * 17, 10 * 17));
         assert_eq!(result.without_error.as_ref().unwrap().tried, 10);
+    }
+
+    #[test]
+    fn a_fall_between_two_errors_may_be_anywhere_between_them() {
+        let mut lines = lines();
+        for line in &mut lines {
+            let held = line.error.translation[1] < 0.012;
+            line.outcome = if held { GraspOutcome::Held } else { GraspOutcome::Missed };
+        }
+        let result = &results(&lines)[0];
+        let fall = result.axes[0].falls[1].as_ref().unwrap();
+        let [low, high] = fall.d50_interval.map(Option::unwrap);
+        assert!((low - 0.010).abs() < 1e-9 && (high - 0.015).abs() < 1e-9, "{fall:?}");
     }
 
     #[test]

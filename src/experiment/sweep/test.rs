@@ -173,10 +173,10 @@ impl Layout {
             (line.slip_m, line.slip_deg) = (Some(measures.slip_m), Some(measures.slip_deg));
         }
         line.outcome = match report.failure() {
-            Some((ExecStage::Approach, _)) => GraspOutcome::CollisionOnApproach,
-            Some((ExecStage::Grasp, _)) => GraspOutcome::Missed,
-            Some((ExecStage::Lift, _)) => GraspOutcome::SlippedOnLift,
-            Some((ExecStage::Carry | ExecStage::Place, _)) => GraspOutcome::LostInShake,
+            Some((ExecStage::Approach, ..)) => GraspOutcome::CollisionOnApproach,
+            Some((ExecStage::Grasp, ..)) => GraspOutcome::Missed,
+            Some((ExecStage::Lift, ..)) => GraspOutcome::SlippedOnLift,
+            Some((ExecStage::Carry | ExecStage::Place, ..)) => GraspOutcome::LostInShake,
             None if !clauses.opposing_contacts => GraspOutcome::Missed,
             None if !clauses.lifted_clear => GraspOutcome::SlippedOnLift,
             None if !clauses.held_after_carry => GraspOutcome::LostInShake,
