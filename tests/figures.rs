@@ -145,18 +145,17 @@ fn the_papers_table_by_hand() {
     near(&groups[1]["overall"]["published"][2], (0.7923 + 0.1659) / 2.0);
     near(&groups[1]["overall"]["published"][1], (0.6225 + 0.2490) / 2.0);
     assert_eq!(groups[1]["overall"]["published"][0], Value::Null);
-    // Of three images with 0.25, 0.75 and 1 the bootstrap reaches both ends; one image has no spread.
+    // Of three images with 0.25, 0.75 and 1 the bootstrap reaches both ends; one image says nothing of others.
     near(&row(2, 2)["interval"][0], 0.25);
     near(&row(2, 2)["interval"][1], 1.0);
-    near(&row(0, 11)["interval"][0], 0.75);
-    near(&groups[0]["overall"]["interval"][1], 0.875);
+    assert_eq!((&row(0, 11)["interval"], &groups[0]["overall"]["interval"]), (&Value::Null, &Value::Null));
 
     let table = run(&args);
     let words = |start: &str, nth: usize| -> Vec<String> {
         let line = table.lines().filter(|line| line.trim_start().starts_with(start)).nth(nth).unwrap();
         line.split_whitespace().map(str::to_owned).collect()
     };
-    let expected = ["003_cracker_box", "ADD-S", "1", "100.0", "100.0-100.0", "78.8", "59.2", "63.8"];
+    let expected = ["003_cracker_box", "ADD-S", "1", "100.0", "-", "78.8", "59.2", "63.8"];
     assert_eq!(words("003", 0), expected);
     assert_eq!(words("019", 2), ["019_pitcher_base", "ADD", "0", "-", "-", "18.7", "33.4", "-"]);
     assert_eq!(words("overall", 2)[..7], ["overall:", "1", "of", "15", "objects", "3", "66.7"]);

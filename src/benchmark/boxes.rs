@@ -14,8 +14,10 @@ use grip_sim::rng;
 use rand::{Rng, RngExt};
 use rand_distr::{Distribution, StandardNormal};
 use serde::{Deserialize, Serialize};
+use sha2::{Digest, Sha256};
 
 use crate::cli::DetectorArgs;
+use crate::scenario::hex;
 use crate::setup;
 
 /// Standard deviation by which each side of a jittered box moves, as a share of the box's width or height.
@@ -35,8 +37,13 @@ pub enum Boxes {
     Clusters(Clusters),
     /// The whole image.
     None,
-    /// Those of a file, by scene and image.
-    File(HashMap<(u32, u32), Vec<FileBox>>),
+    /// Those of a file.
+    File {
+        /// By scene and image.
+        boxes: HashMap<(u32, u32), Vec<FileBox>>,
+        /// Of the file's content.
+        sha256: String,
+    },
 }
 
 /// One entry of a detection file in COCO's result format, as BOP's default detections are.
@@ -87,7 +94,7 @@ impl Boxes {
                     path.extension().is_some(),
                     "--boxes {file}: must be pyramid, clusters, none, gt, jittered, or a .json file of detections"
                 );
-                Self::File(read(&path)?)
+                read(&path)?
             }
         })
     }
@@ -96,6 +103,14 @@ impl Boxes {
     pub fn network(&self) -> Option<String> {
         match self {
             Self::Pyramid(network) => Some(network.to_string()),
+            _ => None,
+        }
+    }
+
+    /// SHA-256 of the file that they are from, if they are.
+    pub fn sha256(&self) -> Option<&str> {
+        match self {
+            Self::File { sha256, .. } => Some(sha256),
             _ => None,
         }
     }
@@ -170,7 +185,7 @@ impl Boxes {
                     }
                 }
             }
-            Self::File(boxes) => {
+            Self::File { boxes, .. } => {
                 for entry in boxes.get(&(bop.scene_id, bop.im_id)).into_iter().flatten() {
                     let Some(object) = objects.iter().find(|o| o.info.bop_id == entry.category_id) else {
                         continue;
@@ -188,7 +203,7 @@ impl Boxes {
     }
 }
 
-fn read(path: &Path) -> Result<HashMap<(u32, u32), Vec<FileBox>>> {
+fn read(path: &Path) -> Result<Boxes> {
     let text = std::fs::read_to_string(path).with_context(|| {
         format!("{}: cannot read the detections; give a COCO-style .json", path.display())
     })?;
@@ -202,7 +217,7 @@ fn read(path: &Path) -> Result<HashMap<(u32, u32), Vec<FileBox>>> {
     for entry in list {
         by_image.entry((entry.scene_id, entry.image_id)).or_default().push(entry);
     }
-    Ok(by_image)
+    Ok(Boxes::File { boxes: by_image, sha256: hex(&Sha256::digest(text)) })
 }
 
 /// The box of what is seen of an instance, else of its whole projection; `None` where it is out of sight.

@@ -126,7 +126,8 @@ pub struct Recall {
     /// The figures themselves.
     #[serde(flatten)]
     pub average: AverageRecall,
-    /// Bootstrap interval of the average recall, 95 %, scenes drawn (images, of fewer than five); null as that is.
+    /// Bootstrap interval of the average recall, 95 %, scenes drawn (images, of fewer than five); null as that is, and of a
+    /// single image.
     pub ar_interval: Option<[f64; 2]>,
 }
 
@@ -134,7 +135,7 @@ impl Recall {
     /// Of all that was asked for.
     pub(super) fn new(asked: &[Asked]) -> Self {
         let average = AverageRecall::new(asked.iter().map(|asked| &asked.hits));
-        let ar_interval = average.ar.map(|_| {
+        let ar_interval = average.ar.and_then(|_| {
             let value = |asked: &Asked| [asked.hits.credit().unwrap_or(0.0), asked.hits.instances as f64];
             bootstrap(asked, value, |drawn| {
                 let [credit, instances] =

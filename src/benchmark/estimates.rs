@@ -4,6 +4,7 @@ use std::collections::{BTreeMap, HashMap, HashSet};
 use std::fs::{File, OpenOptions};
 use std::io::Write;
 use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Instant;
 
@@ -18,10 +19,12 @@ use grip_sim::rng;
 use indicatif::ProgressBar;
 use rand::RngExt;
 use rand::seq::SliceRandom;
+use rayon::ThreadPoolBuilder;
 use rayon::prelude::*;
 
 use super::boxes::Boxes;
 use super::objects;
+use crate::workers;
 
 /// What is to be estimated, by whom.
 pub struct Run<'a> {
@@ -37,6 +40,8 @@ pub struct Run<'a> {
     pub seed: u64,
     /// All that the estimates depend on, in a line: runs that differ in it are not mixed.
     pub settings: String,
+    /// Threads. Images are shared among them; each of them times its own, and does nothing else meanwhile.
+    pub jobs: usize,
 }
 
 /// What a run did.
@@ -83,24 +88,27 @@ impl Run<'_> {
         progress.reset_eta();
         let mut summary = Estimated { images: missing.len(), kept: done.len(), ..Estimated::default() };
 
-        let file = Mutex::new(self.begin(&partial, &done)?);
-        let made: Vec<((u32, u32), Vec<String>, f64)> = missing
-            .into_par_iter()
-            .map(|(image, wanted)| {
-                let estimates = self
-                    .image(image, wanted, &models)
+        let shared = Mutex::new((self.begin(&partial, &done)?, &mut done, &mut summary));
+        let next = AtomicUsize::new(0);
+        let threads = self.jobs.clamp(1, missing.len().max(1));
+        workers::run(threads, |stop| {
+            // A pool of its own, or its threads would do parts of other images while the clock of this one runs.
+            let pool = ThreadPoolBuilder::new().num_threads(self.jobs.div_ceil(threads)).build()?;
+            while !stop.load(Ordering::Relaxed) {
+                let Some(&(image, wanted)) = missing.get(next.fetch_add(1, Ordering::Relaxed)) else { break };
+                let estimates = pool
+                    .install(|| self.image(image, wanted, &models))
                     .with_context(|| format!("scene {}, image {}", image.0, image.1))?;
                 let lines: Vec<String> = estimates.iter().map(Estimate::line).collect();
-                let mut file = file.lock().unwrap_or_else(PoisonError::into_inner);
+                let mut shared = shared.lock().unwrap_or_else(PoisonError::into_inner);
+                let (file, done, summary) = &mut *shared;
                 file.write_all(lines.concat().as_bytes()).with_context(|| cannot_write(&partial))?;
+                summary.seconds += estimates.first().and_then(|e| e.time_s).unwrap_or(0.0);
+                done.insert(image, lines);
                 progress.inc(1);
-                Ok((image, lines, estimates.first().and_then(|e| e.time_s).unwrap_or(0.0)))
-            })
-            .collect::<Result<_>>()?;
-        for (image, lines, seconds) in made {
-            summary.seconds += seconds;
-            done.insert(image, lines);
-        }
+            }
+            Ok(())
+        })?;
         summary.poses = done.values().map(Vec::len).sum();
         let text = format!("{HEADER}\n") + &done.values().flatten().cloned().collect::<String>();
         bop::write_atomic(out, text.as_bytes())?;

@@ -86,14 +86,14 @@ pub struct Figures {
     pub estimated: usize,
     /// Area under the accuracy-threshold curve of ADD-S up to 0.04 m and 0.1 m, 0 to 1.
     pub auc_adds: [f64; 2],
-    /// Bootstrap interval of the first, 95 %, scenes drawn (images, of fewer than five).
-    pub auc_adds_interval: [f64; 2],
+    /// Bootstrap interval of the first, 95 %, scenes drawn (images, of fewer than five); null of a single image.
+    pub auc_adds_interval: Option<[f64; 2]>,
     /// The same area for ADD.
     pub auc_add: [f64; 2],
     /// The same for ADD(-S): ADD-S for objects with symmetries, ADD for others.
     pub auc_add_or_adds: [f64; 2],
-    /// Bootstrap interval of the first, 95 %, scenes drawn (images, of fewer than five).
-    pub auc_add_or_adds_interval: [f64; 2],
+    /// The same of the first of these.
+    pub auc_add_or_adds_interval: Option<[f64; 2]>,
     /// Share of instances with ADD(-S) under a tenth of the diameter.
     pub found: f64,
     /// Median ADD-S of those with an estimate, metres; null without any.
@@ -283,18 +283,18 @@ fn figures<'a>(cases: impl Iterator<Item = &'a Case>, asked: impl Iterator<Item 
 }
 
 /// Interval of the area up to the first threshold.
-fn interval(cases: &[Case], error: impl Fn(&Case) -> f64) -> [f64; 2] {
+fn interval(cases: &[Case], error: impl Fn(&Case) -> f64) -> Option<[f64; 2]> {
     bootstrap(cases, error, |drawn| auc(drawn, THRESHOLDS[0]))
 }
 
 /// 95 % percentile bootstrap of a statistic of what `value` takes from the cases. Scenes are drawn, not instances, because
 /// the errors in one scene depend on each other (four frames of ours show one layout). Images are drawn where scenes are
-/// too few.
+/// too few. `None` of a single one, which says nothing of others.
 pub(super) fn bootstrap<C: InImage, T: Clone>(
     cases: &[C],
     value: impl Fn(&C) -> T,
     statistic: impl Fn(&[T]) -> f64,
-) -> [f64; 2] {
+) -> Option<[f64; 2]> {
     let scenes: BTreeSet<u32> = cases.iter().map(|case| case.image().0).collect();
     let mut groups: BTreeMap<(u32, u32), Vec<T>> = BTreeMap::new();
     for case in cases {
@@ -303,8 +303,8 @@ pub(super) fn bootstrap<C: InImage, T: Clone>(
         groups.entry((scene_id, image)).or_default().push(value(case));
     }
     let groups: Vec<Vec<T>> = groups.into_values().collect();
-    if groups.is_empty() {
-        return [0.0; 2];
+    if groups.len() < 2 {
+        return None;
     }
     let mut random = rng::stream(0, "bootstrap");
     let mut areas: Vec<f64> = (0..RESAMPLES)
@@ -316,7 +316,7 @@ pub(super) fn bootstrap<C: InImage, T: Clone>(
         })
         .collect();
     areas.sort_by(f64::total_cmp);
-    [0.025, 0.975].map(|q| areas[(q * (RESAMPLES - 1) as f64).round() as usize])
+    Some([0.025, 0.975].map(|q| areas[(q * (RESAMPLES - 1) as f64).round() as usize]))
 }
 
 /// Names of the views, by scene and image, where the scenes have our `scene_info.json`.
@@ -377,7 +377,7 @@ mod tests {
         // ADD(-S) 0, 0.02, none, 0: a half up to 2 cm, three quarters from there.
         assert!((f.auc_add_or_adds[0] - 0.625).abs() < 1e-12);
         assert!((f.auc_add_or_adds[1] - (0.2 * 0.5 + 0.8 * 0.75)).abs() < 1e-12);
-        let [low, high] = f.auc_adds_interval;
+        let [low, high] = f.auc_adds_interval.unwrap();
         assert!(low < 0.75 && high > 0.75 && low >= 0.0 && high <= 1.0, "{low} {high}");
     }
 
@@ -386,7 +386,9 @@ mod tests {
         // 400 images, a quarter of them missed: the standard error of the share is sqrt(3/16/400).
         let cases: Vec<Case> =
             (0..400).map(|i| case(i, 0.0, if i % 4 == 0 { f64::INFINITY } else { 0.0 }, true)).collect();
-        let [low, high] = interval(&cases, |c| c.adds);
+        let of_one_image = interval(&cases[..1], |c| c.adds);
+        assert_eq!(of_one_image, None);
+        let [low, high] = interval(&cases, |c| c.adds).unwrap();
         let expected = 1.96 * (0.75_f64 * 0.25 / 400.0).sqrt();
         assert!(
             (0.75 - low - expected).abs() < 0.008 && (high - 0.75 - expected).abs() < 0.008,

@@ -129,7 +129,7 @@ impl Group {
                 area: Area {
                     instances: cases.len(),
                     auc: some.then(|| area(&errors)),
-                    interval: some.then(|| bootstrap(&cases, |case| error(object, case), area)),
+                    interval: bootstrap(&cases, |case| error(object, case), area),
                     published: object.auc[index].map(number),
                 },
             });
@@ -151,7 +151,7 @@ impl Group {
             area: Area {
                 instances: cases.len(),
                 auc: some.then(|| mean_area(&values)),
-                interval: some.then(|| bootstrap(&cases, labelled, mean_area)),
+                interval: bootstrap(&cases, labelled, mean_area),
                 published: [0, 1, 2].map(|method| number(mean(method))),
             },
         };

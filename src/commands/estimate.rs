@@ -17,7 +17,7 @@ use serde_json::{Value, json};
 use super::Done;
 use crate::benchmark::{Boxes, Estimated, Run};
 use crate::cli::{EstimateArgs, EstimatorChoice, Hypotheses};
-use crate::output;
+use crate::{output, workers};
 
 /// Writes the results file.
 pub fn run(args: &EstimateArgs) -> Result<Done> {
@@ -39,6 +39,7 @@ pub fn run(args: &EstimateArgs) -> Result<Done> {
         "dataset": args.dataset,
         "split": dataset.split(),
         "boxes": args.boxes,
+        "boxes_sha256": boxes.sha256(),
         "network": boxes.network(),
         "absent": args.absent,
         "seed": args.seed,
@@ -53,13 +54,11 @@ pub fn run(args: &EstimateArgs) -> Result<Done> {
         absent: args.absent as usize,
         seed: args.seed,
         settings: described.to_string(),
+        jobs: args.jobs.map_or_else(workers::cores, |jobs| jobs as usize),
     };
     let progress = bar("images");
     let began = Instant::now();
-    let threads = args.jobs.unwrap_or(0) as usize;
-    let pool =
-        rayon::ThreadPoolBuilder::new().num_threads(threads).build().context("cannot start threads")?;
-    let estimated = pool.install(|| run.write(&args.out, args.resume, &progress));
+    let estimated = run.write(&args.out, args.resume, &progress);
     progress.finish_and_clear();
     report(args, &described, &estimated?, began.elapsed().as_secs_f64())?;
     Ok(Done::Fully)

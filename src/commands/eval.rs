@@ -189,18 +189,19 @@ fn confidences(p: &Presence) -> String {
 }
 
 fn row(name: &str, f: &Figures) -> [String; 12] {
+    let none = || "-".to_owned();
     [
         name.to_owned(),
         f.instances.to_string(),
         f.estimated.to_string(),
         percent(f.auc_adds[0]),
-        interval(f.auc_adds_interval),
+        f.auc_adds_interval.map_or_else(none, interval),
         percent(f.auc_add_or_adds[0]),
-        interval(f.auc_add_or_adds_interval),
+        f.auc_add_or_adds_interval.map_or_else(none, interval),
         percent(f.auc_adds[1]),
         percent(f.auc_add_or_adds[1]),
         percent(f.found),
-        f.median_adds_m.map_or_else(|| "-".to_owned(), |m| format!("{:.1}", 1e3 * m)),
+        f.median_adds_m.map_or_else(none, |m| format!("{:.1}", 1e3 * m)),
         share(f.bop.average.ar),
     ]
 }
