@@ -6,7 +6,7 @@ use crate::motion_check::MotionCheck;
 use crate::scorecard::ScoreCard;
 
 /// Version of the trial result; changes with every change that could break a reader.
-pub const TRIAL_SCHEMA: &str = "grip.trial/3";
+pub const TRIAL_SCHEMA: &str = "grip.trial/4";
 
 /// What became of an item. Everything but [`Outcome::Packed`] is a failure.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]

@@ -134,7 +134,7 @@ mod tests {
         assert_eq!(fs::read_dir(folder.path().join("deep")).unwrap().count(), 0);
 
         let run = RunDir::begin(&target).unwrap();
-        run.write("result.json", r#"{"schema": "grip.trial/3"}"#).unwrap();
+        run.write("result.json", r#"{"schema": "grip.trial/4"}"#).unwrap();
         run.finish().unwrap();
         assert!(target.join("result.json").exists());
         // An earlier run may be replaced, another folder may not.

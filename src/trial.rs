@@ -356,7 +356,13 @@ fn act(
     let report = execute(&mut WorldPort::new(&shared), plan, &ExecutorSettings::default(), &mut watcher);
     log::debug!("{}: {:?}", plan.object, plan.grasp);
     for step in &report.steps {
-        log::debug!("{:?}: {:.2} s, {:.0} N", step.name, step.end_s - step.begin_s, step.peak_contact_n);
+        log::debug!(
+            "{:?}: {:.2} s to {:.2} s, {:.0} N",
+            step.name,
+            step.begin_s,
+            step.end_s,
+            step.peak_contact_n
+        );
     }
     (report, watcher.watch)
 }

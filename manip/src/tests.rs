@@ -3,9 +3,12 @@
 
 use std::sync::OnceLock;
 
+use grip_sim::shape::{CollisionShape, Convex};
+use nalgebra::{Isometry3, Vector3};
+
 use crate::belief::BeliefScene;
 use crate::collision::{Body, CollisionChecker, CollisionPair, Held, Margins, Query};
-use crate::grasp::GraspSettings;
+use crate::grasp::{Grasp, GraspSettings, hand_may_touch, rank_grasps};
 use crate::pick::{Care, settled};
 use crate::plan::{Action, PickPlacePlan, PlanStage, StepName};
 use crate::planner::Planner;
@@ -29,6 +32,37 @@ fn plan(belief: &BeliefScene, target: usize, seed: u64) -> PickPlacePlan {
     planner()
         .plan_pick_place(belief, target, &ready(), Care::Bold, seed)
         .unwrap_or_else(|e| panic!("{:?} {e} {:?}", e.stage, e.counters))
+}
+
+#[test]
+fn no_finger_closes_on_a_wall_that_is_between_it_and_the_object() {
+    let mut belief = empty_scene();
+    belief.objects = vec![standing(&box_model("carton", [0.12, 0.05, 0.16]), 0.55, 0.1, 0.0)];
+    let (_, config) = fetch();
+    let planner = planner();
+    let ranked = |belief: &BeliefScene| {
+        let checker = CollisionChecker::new(planner.robot().clone(), belief);
+        let known = planner.grasps(&belief.objects[0].model);
+        rank_grasps(&known, belief, 0, &checker, &config.gripper, &GraspSettings::default()).0
+    };
+    let open = ranked(&belief);
+    // As wide as the object, 4 mm thick, 15 mm beside it: a hand that is open straddles it.
+    let wall = CollisionShape {
+        pose: Isometry3::translation(0.55, 0.1 + 0.025 + 0.017, belief.table_height + 0.1),
+        geometry: Convex::Cuboid { half: Vector3::new(0.06, 0.002, 0.1) },
+    };
+    belief.fixtures.push(wall);
+    let checker = CollisionChecker::new(planner.robot().clone(), &belief);
+    let touch = hand_may_touch(planner.robot(), 0);
+    let query = Query { held: None, allowed: &touch, margins: Margins { world: 0.0, own: 0.0, spread: 0.0 } };
+    let base_from_world = belief.world_from_base.iso().inverse();
+    let meets = |grasp: &Grasp| {
+        let at = base_from_world * grasp.world_from_gripper.iso();
+        let widths = (0..=100).map(|k| grasp.width + (grasp.opening - grasp.width) * f64::from(k) / 100.0);
+        widths.into_iter().any(|width| checker.hand_collision(&at, width, &query).is_some())
+    };
+    assert!(open.iter().any(meets), "the wall is in nobody's way");
+    assert!(!ranked(&belief).iter().any(meets));
 }
 
 #[test]

@@ -177,7 +177,10 @@ fn table(result: &TrialResult) -> String {
     let table = output::table(header, &[2, 3, 4, 5], rows);
     let hypotheses = if result.hypotheses == "cpu" { "" } else { ", hypotheses: gpu" };
     let collisions: String = (result.motion_check.collisions.iter())
-        .map(|c| format!("\nin collision after {:.3} s: {}", c.time_s, c.bodies))
+        .map(|c| {
+            let depth_mm = 1e3 * c.depth_m;
+            format!("\nin collision after {:.3} s: {}, {depth_mm:.1} mm deep", c.time_s, c.bodies)
+        })
         .collect();
     let score = &result.score;
     let wall_s = result.timing.as_ref().map_or(0.0, |timing| timing.wall_s);

@@ -21,7 +21,7 @@ use cloud::Cloud;
 pub use cover::Ball;
 use robot::LinkSolids;
 pub use robot::{CoverSummary, RobotSolids};
-use solid::{Piece, distance, distance_from_point, near, pose32};
+use solid::{Piece, depth, distance, distance_from_point, near, pose32};
 
 use crate::belief::BeliefScene;
 use crate::seen::SeenSettings;
@@ -256,6 +256,25 @@ impl CollisionChecker {
                 return;
             }
         }
+    }
+
+    /// How deep the two bodies of a pair of links, fixtures and objects are in each other at `q`, metres; 0 for others and where
+    /// they do not meet.
+    pub fn depth(&self, q: &[f64], pair: CollisionPair) -> f64 {
+        let poses: Vec<Pose> = self.robot.model.fk(q).iter().map(pose32).collect();
+        let solids = |body: Body| match body {
+            Body::Link(i) => Some((&self.robot.links[i].pieces, poses[i])),
+            _ => self.obstacles.iter().find(|o| o.body == body).map(|o| (&o.pieces, Pose::IDENTITY)),
+        };
+        let (Some((a, pose_a)), Some((b, pose_b))) = (solids(pair.a), solids(pair.b)) else { return 0.0 };
+        let mut deepest = 0.0_f32;
+        for a in a {
+            for b in b {
+                let pose12 = (pose_b * b.pose).inverse() * (pose_a * a.pose);
+                deepest = deepest.max(depth(&pose12, &b.solid, &a.solid));
+            }
+        }
+        deepest.into()
     }
 
     fn meets_cloud(&self, solids: &LinkSolids, pose: &Pose, margin: f32) -> bool {

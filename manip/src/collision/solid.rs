@@ -4,6 +4,7 @@ use grip_sim::lanes::V8;
 use grip_sim::shape::{CollisionShape, Convex};
 use nalgebra::Isometry3;
 use parry3d::math::{Pose, Rotation, Vector};
+use parry3d::query::epa::EPA;
 use parry3d::query::gjk::{self, CsoPoint, GJKResult, VoronoiSimplex};
 use parry3d::shape::SupportMap;
 
@@ -231,6 +232,19 @@ pub(crate) fn distance(pose12: &Pose, a: &Solid, b: &Solid, max: f32) -> f32 {
     }
 }
 
+/// How deep two solids are in each other: the shortest way that parts them, 0 when they do not meet.
+pub(crate) fn depth(pose12: &Pose, a: &Solid, b: &Solid) -> f32 {
+    let mut simplex = VoronoiSimplex::new();
+    let dir = pose12.translation.try_normalize().unwrap_or(Vector::X);
+    simplex.reset(CsoPoint::from_shapes(pose12, a, b, dir));
+    match gjk::closest_points(pose12, a, b, 0.0, true, &mut simplex) {
+        GJKResult::Intersection => EPA::new()
+            .closest_points(pose12, a, b, &simplex)
+            .map_or(f32::INFINITY, |(p, q, _)| (p - q).length()),
+        _ => 0.0,
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -257,6 +271,22 @@ mod tests {
         assert!(!near(&at(0.5, 0.0, 0.0), &cube, &can, 0.349));
         assert!(near(&at(0.1499, 0.0, 0.0), &cube, &can, 0.0));
         assert!(!near(&at(0.1501, 0.0, 0.0), &cube, &can, 0.0));
+    }
+
+    #[test]
+    fn depths_are_the_closed_forms() {
+        let cube = Solid::Cuboid(Vector::splat(0.1));
+        let can = Solid::Cylinder { half_height: 0.2, radius: 0.05 };
+        let ball = Solid::Ball(0.03);
+        for (pose, b, expected) in [
+            (at(0.148, 0.02, 0.0), &can, 0.002),
+            (at(0.0, 0.0, 0.295), &can, 0.005),
+            (at(0.12, 0.0, 0.0), &ball, 0.01),
+            (at(0.1501, 0.0, 0.0), &can, 0.0),
+        ] {
+            let d = depth(&pose, &cube, b);
+            assert!((d - expected).abs() < 1e-4, "{d} for {expected}");
+        }
     }
 
     #[test]

@@ -334,6 +334,9 @@ pub struct GraspCounters {
     pub free: usize,
 }
 
+/// Distance of the pads between two checks while the hand closes, metres: a finger, which goes half as far, is thicker.
+const CLOSING_STEP: f64 = 0.01;
+
 /// The best free grasps of object `target`, best first, no two of them alike.
 pub fn rank_grasps(
     grasps: &ObjectGrasps,
@@ -357,6 +360,7 @@ pub fn rank_grasps(
         allowed: &allowed,
         margins: Margins { world: settings.margin, own: 0.0, spread: settings.spread },
     };
+    let sweep = Query { margins: Margins { world: 0.0, ..query.margins }, ..query };
     let mut kept: Vec<Grasp> = Vec::new();
     for Scored { score, lever, candidate, world_from_gripper } in scored {
         // A bound on the work in hopeless clutter.
@@ -376,10 +380,18 @@ pub fn rank_grasps(
                 checker.hand_collision(&at, opening, &query).is_none()
             })
         };
+        // A finger must not stand beyond a wall or a neighbour that is between it and the object.
+        let closes = |opening: f64| {
+            let steps = ((opening - candidate.width) / CLOSING_STEP).ceil().max(1.0);
+            (1..=steps as usize).all(|k| {
+                let at = opening + (candidate.width - opening) * k as f64 / steps;
+                checker.hand_collision(&base_from_gripper, at, &sweep).is_none()
+            })
+        };
         let narrow = narrow_opening(candidate.width, gripper);
-        let opening = if candidate.fits_wide && free(gripper.opening) {
+        let opening = if candidate.fits_wide && free(gripper.opening) && closes(gripper.opening) {
             gripper.opening
-        } else if free(narrow) {
+        } else if free(narrow) && closes(narrow) {
             narrow
         } else {
             continue;
