@@ -213,3 +213,35 @@ fn objects_that_are_not_there_are_looked_for_and_not_believed() {
     assert_eq!(code(&output), 2);
     assert!(stderr(&output).contains("--absent"), "{}", stderr(&output));
 }
+
+/// YCB-Video's frame of a real camera: depth in tenths of a millimetre, models in millimetres, objects that hide each other.
+#[test]
+fn objects_of_a_real_frame_are_found() {
+    let set = root().join("../shared/data/ycbv-real-frame");
+    if !set.exists() {
+        println!("SKIPPED: {} is not there", set.display());
+        return;
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let mut adds_mm = Vec::new();
+    for seed in ["1", "2", "3"] {
+        let out = folder.path().join("results.csv");
+        let args = ["estimate", set.to_str().unwrap(), "--boxes", "gt", "--seed", seed, "--out"];
+        let output = grip(&[&args[..], &[out.to_str().unwrap()]].concat());
+        assert_eq!(code(&output), 0, "{}", stderr(&output));
+        let errors = folder.path().join("errors.csv");
+        let json = eval(&set, &out, &["--errors", errors.to_str().unwrap()]);
+        println!("seed {seed}: {}", json["all"]);
+        let area = json["all"]["auc_adds"][0].as_f64().unwrap();
+        assert!(area >= 0.88, "seed {seed}: {area}");
+        let text = std::fs::read_to_string(&errors).unwrap();
+        let column = text.lines().next().unwrap().split(',').position(|name| name == "adds_mm").unwrap();
+        adds_mm.extend(
+            text.lines().skip(1).map(|line| line.split(',').nth(column).unwrap().parse::<f64>().unwrap()),
+        );
+        std::fs::remove_file(&out).unwrap();
+    }
+    assert_eq!(adds_mm.len(), 15);
+    let near = adds_mm.iter().filter(|&&error| error < 10.0).count();
+    assert!(near >= 14, "{near} of 15 within a centimetre: {adds_mm:?}");
+}

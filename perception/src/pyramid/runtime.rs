@@ -1,14 +1,18 @@
 //! Running an ONNX file by ort: tract, which is Rust and built in, or a native ONNX Runtime.
 
+use std::borrow::Cow;
+use std::collections::BTreeMap;
 use std::fmt;
-use std::sync::{Mutex, OnceLock};
+use std::sync::{Mutex, MutexGuard, OnceLock, PoisonError};
 
 use ort::environment::Environment;
 use ort::ep;
 use ort::session::Session;
 use ort::session::builder::GraphOptimizationLevel;
 use ort::value::{Tensor, TensorElementType, ValueType};
+use prost::Message;
 use sha2::{Digest, Sha256};
+use tract_onnx::pb::{ModelProto, TensorShapeProto, ValueInfoProto, tensor_shape_proto, type_proto};
 
 use super::description::DetectorDescription;
 use crate::error::{Error, Result};
@@ -71,6 +75,9 @@ fn runtime() -> Result<&'static Runtime> {
     opened.as_ref().map_err(|message| Error::Detector(message.clone()))
 }
 
+/// Sessions that are kept: more than a pyramid's levels for each of a few threads.
+const KEPT: usize = 64;
+
 /// A network that is ready to run, by several threads at once.
 pub(super) struct Network {
     model: Vec<u8>,
@@ -80,9 +87,10 @@ pub(super) struct Network {
     runtime: String,
     channels: [usize; 2],
     stride: usize,
+    native: bool,
     /// A session runs one image at a time, so each thread takes its own. A level runs on one thread: results do not depend on
-    /// how many there are.
-    sessions: Mutex<Vec<Session>>,
+    /// how many there are. By the size of images; those of a native runtime take any, and are kept as of none.
+    sessions: Mutex<BTreeMap<[usize; 2], Vec<Session>>>,
 }
 
 impl fmt::Debug for Network {
@@ -118,11 +126,10 @@ impl Network {
             runtime: if native { format!("ONNX Runtime ({asked})") } else { "tract".to_owned() },
             channels: [1 + description.objects.len(), description.aspect_ratios.len()],
             stride: description.stride_px,
-            sessions: Mutex::new(Vec::new()),
+            native,
+            sessions: Mutex::default(),
         };
-        let session = network.session()?;
-        network.check(&session)?;
-        network.put_back(session);
+        network.check(&network.session(model)?)?;
         // No whole number of cells: these are cut off.
         let (width, height) = (8 * network.stride + 3, 6 * network.stride + 1);
         network.run(vec![0.5; 3 * width * height], width, height)?;
@@ -141,8 +148,13 @@ impl Network {
     /// Probabilities of classes and of aspect ratios, channel by channel, for an image given as planes of red, green and blue.
     pub fn run(&self, planes: Vec<f32>, width: usize, height: usize) -> Result<(Vec<f32>, Vec<f32>)> {
         let failed = |e: ort::Error| self.wrong(&format!("cannot run on {width}x{height} pixels: {e}"));
-        let free = self.sessions.lock().unwrap_or_else(std::sync::PoisonError::into_inner).pop();
-        let mut session = free.map_or_else(|| self.session(), Ok)?;
+        let size = if self.native { [0, 0] } else { [width, height] };
+        let free = self.sessions().get_mut(&size).and_then(Vec::pop);
+        let mut session = match free {
+            Some(session) => session,
+            None if self.native => self.session(&self.model)?,
+            None => self.session(&self.of_size(size)?)?,
+        };
         let input = Tensor::from_array(([1, 3, height, width], planes)).map_err(failed)?;
         let (rows, columns) = (height / self.stride, width / self.stride);
         let outputs = session.run(ort::inputs!["image" => input]).map_err(failed)?;
@@ -163,15 +175,36 @@ impl Network {
         };
         let both = (read("classes", self.channels[0])?, read("shapes", self.channels[1])?);
         drop(outputs);
-        self.put_back(session);
+        let mut sessions = self.sessions();
+        // Images of ever new sizes: only the last ones' sessions are worth their memory.
+        if sessions.values().map(Vec::len).sum::<usize>() >= KEPT {
+            sessions.clear();
+        }
+        sessions.entry(size).or_default().push(session);
         Ok(both)
     }
 
-    fn put_back(&self, session: Session) {
-        self.sessions.lock().unwrap_or_else(std::sync::PoisonError::into_inner).push(session);
+    fn sessions(&self) -> MutexGuard<'_, BTreeMap<[usize; 2], Vec<Session>>> {
+        self.sessions.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    fn session(&self) -> Result<Session> {
+    /// The model for images of one width and height alone: where tract knows the shapes it chooses better convolutions.
+    fn of_size(&self, [width, height]: [usize; 2]) -> Result<Cow<'_, [u8]>> {
+        let mut proto = ModelProto::decode(self.model.as_slice())
+            .map_err(|e| self.wrong(&format!("no ONNX model: {e}")))?;
+        let Some(graph) = &mut proto.graph else { return Ok(Cow::Borrowed(&self.model)) };
+        let fixed = [1, 3, height, width].map(|n| tensor_shape_proto::Dimension {
+            value: Some(tensor_shape_proto::dimension::Value::DimValue(n as i64)),
+            ..Default::default()
+        });
+        let input = graph.input.iter_mut().filter(|input| input.name == "image");
+        input.for_each(|input| set_shape(input, Some(TensorShapeProto { dim: fixed.to_vec() })));
+        graph.output.iter_mut().for_each(|output| set_shape(output, None));
+        graph.value_info.clear();
+        Ok(Cow::Owned(proto.encode_to_vec()))
+    }
+
+    fn session(&self, model: &[u8]) -> Result<Session> {
         let failed = |e: &dyn fmt::Display| self.wrong(&e.to_string());
         let runtime = runtime()?;
         let mut builder = Session::builder(&runtime.environment)
@@ -197,7 +230,7 @@ impl Network {
                 ))
             })?;
         }
-        builder.commit_from_memory(&self.model).map_err(|e| failed(&e))
+        builder.commit_from_memory(model).map_err(|e| failed(&e))
     }
 
     /// Refuses a network with other inputs and outputs.
@@ -226,5 +259,13 @@ impl Network {
 
     fn wrong(&self, message: &str) -> Error {
         Error::Detector(format!("{}: {message}", self.file))
+    }
+}
+
+fn set_shape(value: &mut ValueInfoProto, shape: Option<TensorShapeProto>) {
+    if let Some(type_proto::Value::TensorType(tensor)) =
+        value.r#type.as_mut().and_then(|of| of.value.as_mut())
+    {
+        tensor.shape = shape;
     }
 }
