@@ -74,6 +74,35 @@ fn the_same_seed_gives_the_same_bytes_on_any_number_of_jobs_and_after_a_kill() {
 }
 
 #[test]
+fn objects_that_find_no_room_are_drawn_anew() {
+    let folder = tempfile::tempdir().unwrap();
+    let (scene, out) = (root().join("scenes/adversarial.toml"), folder.path().join("set"));
+    let args = ["scenes", scene.to_str().unwrap(), "--seed", "901", "--scenes", "3", "--views", "B", "--out"];
+    let output = grip(&[&args[..], &[out.to_str().unwrap()]].concat());
+    assert_eq!(code(&output), 0, "{}", stderr(&output));
+    let rejected: Vec<String> = (1..=3)
+        .flat_map(|scene| {
+            let path = out.join(format!("test/{scene:06}/scene_info.json"));
+            let info: serde_json::Value =
+                serde_json::from_str(&std::fs::read_to_string(path).unwrap()).unwrap();
+            info["rejected"]
+                .as_array()
+                .unwrap()
+                .iter()
+                .map(|r| r.as_str().unwrap().to_owned())
+                .collect::<Vec<_>>()
+        })
+        .collect();
+    // With this seed the first objects of the third scene are too many large ones.
+    let anew = rejected.iter().find(|reason| reason.starts_with("draw 0: ")).expect("all objects found room");
+    assert!(
+        anew.contains("no layout of 7 objects in 40 attempts (") && anew.contains(" times such as: only "),
+        "{anew}"
+    );
+    assert!(anew.len() < 1000, "{anew}");
+}
+
+#[test]
 fn an_independent_checker_finds_nothing_wrong_and_conditions_are_what_they_say() {
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().join("set");

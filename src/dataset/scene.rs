@@ -110,7 +110,11 @@ pub fn make(
         let seed: u64 = rng::stream(plan.seed, &format!("scene/{number}/{draw}")).random();
         match attempt(setup, plan, split, number, seed, &refused, renderer) {
             Err(error)
-                if draw + 1 < DRAWS && matches!(error.downcast_ref(), Some(grip_sim::Error::World(_))) =>
+                if draw + 1 < DRAWS
+                    && matches!(
+                        error.downcast_ref(),
+                        Some(grip_sim::Error::World(_) | grip_sim::Error::NoLayout(_))
+                    ) =>
             {
                 refused.push(format!("draw {draw}: {error:#}"));
                 draw += 1;

@@ -75,8 +75,8 @@ fn runtime() -> Result<&'static Runtime> {
     opened.as_ref().map_err(|message| Error::Detector(message.clone()))
 }
 
-/// Sessions that are kept: more than a pyramid's levels for each of a few threads.
-const KEPT: usize = 64;
+/// Sizes of images that sessions are kept for: the levels of a few pyramids.
+const KEPT_SIZES: usize = 32;
 
 /// A network that is ready to run, by several threads at once.
 pub(super) struct Network {
@@ -177,7 +177,7 @@ impl Network {
         drop(outputs);
         let mut sessions = self.sessions();
         // Images of ever new sizes: only the last ones' sessions are worth their memory.
-        if sessions.values().map(Vec::len).sum::<usize>() >= KEPT {
+        if sessions.len() >= KEPT_SIZES && !sessions.contains_key(&size) {
             sessions.clear();
         }
         sessions.entry(size).or_default().push(session);

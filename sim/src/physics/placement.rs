@@ -127,12 +127,32 @@ pub fn drop_objects(
             Err(reason) => rejected.push(reason),
         }
     }
-    rejected.dedup();
     Err(Error::NoLayout(format!(
         "no layout of {} objects in {ATTEMPTS} attempts ({}); enlarge objects.size, lower objects.gap, or use fewer objects",
         models.len(),
-        rejected.join("; ")
+        commonest(&rejected)
     )))
+}
+
+/// The commonest reasons, each with how often it was one; those that differ by numbers alone are one.
+fn commonest(reasons: &[String]) -> String {
+    const TOLD: usize = 5;
+    let mut kinds: Vec<(String, &String, usize)> = Vec::new();
+    for reason in reasons {
+        let kind: String = reason.chars().filter(|c| !c.is_ascii_digit()).collect();
+        match kinds.iter_mut().find(|(known, ..)| *known == kind) {
+            Some((.., times)) => *times += 1,
+            None => kinds.push((kind, reason, 1)),
+        }
+    }
+    kinds.sort_by_key(|(.., times)| std::cmp::Reverse(*times));
+    let told: Vec<String> = kinds
+        .iter()
+        .take(TOLD)
+        .map(|(_, reason, times)| format!("{times} times such as: {reason}"))
+        .collect();
+    let more = kinds.len().saturating_sub(TOLD);
+    told.join("; ") + &if more > 0 { format!("; {more} more reasons") } else { String::new() }
 }
 
 /// Steps until nothing has moved for `rest_s` so that it could be seen, or `limit_s` is over; whether it came to that.

@@ -25,12 +25,13 @@ const POINTS: usize = 81;
 
 /// Shares of items packed, by scene and condition, with intervals.
 pub fn packed(cells: &[Cell]) -> Result<String> {
-    let (groups, estimators) = names(cells);
+    let group_of = group_of(cells);
+    let (groups, estimators) = names(cells, &group_of);
     let series = estimators
         .iter()
         .map(|estimator| {
             let bars = groups.iter().map(|group| {
-                let cell = cells.iter().find(|c| &group_of(c) == group && &c.estimator == estimator)?;
+                let cell = cells.iter().find(|&c| &group_of(c) == group && &c.estimator == estimator)?;
                 Some(Bar { value: 100.0 * cell.share, interval: Some(cell.interval.map(|v| 100.0 * v)) })
             });
             (estimator.clone(), bars.collect())
@@ -48,7 +49,8 @@ pub fn packed(cells: &[Cell]) -> Result<String> {
 
 /// Items that were not packed, by what became of them.
 pub fn failures(cells: &[Cell]) -> Result<String> {
-    let groups: Vec<String> = cells.iter().map(|c| format!("{}\n{}", group_of(c), c.estimator)).collect();
+    let group = group_of(cells);
+    let groups: Vec<String> = cells.iter().map(|c| format!("{}\n{}", group(c), c.estimator)).collect();
     let mut kinds: BTreeMap<&String, usize> = BTreeMap::new();
     for (kind, n) in cells.iter().flat_map(|c| &c.failures) {
         *kinds.entry(kind).or_default() += n;
@@ -262,13 +264,14 @@ pub fn reliability(calibration: &Calibration) -> Result<String> {
     plot::svg(&figure)
 }
 
-/// Scene and condition.
-fn group_of(cell: &Cell) -> String {
-    format!("{} {}", cell.scene, cell.condition)
+/// Names of cells' scenes and conditions; the scene's only where there are several.
+fn group_of(cells: &[Cell]) -> impl Fn(&Cell) -> String {
+    let several = cells.iter().any(|cell| cell.scene != cells[0].scene);
+    move |cell| if several { format!("{} {}", cell.scene, cell.condition) } else { cell.condition.clone() }
 }
 
 /// Groups and estimators, in the order of the cells.
-fn names(cells: &[Cell]) -> (Vec<String>, Vec<String>) {
+fn names(cells: &[Cell], group_of: impl Fn(&Cell) -> String) -> (Vec<String>, Vec<String>) {
     let mut groups: Vec<String> = Vec::new();
     let mut estimators: Vec<String> = Vec::new();
     for cell in cells {
