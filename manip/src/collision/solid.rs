@@ -232,6 +232,9 @@ pub(crate) fn distance(pose12: &Pose, a: &Solid, b: &Solid, max: f32) -> f32 {
     }
 }
 
+/// Depth of what certainly meets where the search for it gives up, metres: deep, and finite, since it is written to files.
+const UNKNOWN_DEPTH: f32 = 1.0;
+
 /// How deep two solids are in each other: the shortest way that parts them, 0 when they do not meet.
 pub(crate) fn depth(pose12: &Pose, a: &Solid, b: &Solid) -> f32 {
     let mut simplex = VoronoiSimplex::new();
@@ -240,7 +243,7 @@ pub(crate) fn depth(pose12: &Pose, a: &Solid, b: &Solid) -> f32 {
     match gjk::closest_points(pose12, a, b, 0.0, true, &mut simplex) {
         GJKResult::Intersection => EPA::new()
             .closest_points(pose12, a, b, &simplex)
-            .map_or(f32::INFINITY, |(p, q, _)| (p - q).length()),
+            .map_or(UNKNOWN_DEPTH, |(p, q, _)| (p - q).length()),
         _ => 0.0,
     }
 }
