@@ -1,7 +1,7 @@
 //! Where on a plane its surface was seen: the outline of the table top, so that what stands behind the table is not taken
 //! for something on it.
 
-use nalgebra::{Point2, Point3, Unit, Vector2, Vector3};
+use nalgebra::{Point2, Point3, Unit, Vector3};
 
 /// Side of the cells in which the surface is counted, metres: wider than the gaps between sampled points at 1.5 m.
 const CELL: f64 = 0.03;
@@ -13,10 +13,8 @@ const CELLS: i64 = 200;
 /// The convex hull of the largest connected piece of a plane's visible surface.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Footprint {
-    /// In-plane axes.
-    axes: [Vector3<f64>; 2],
-    /// Corners, counter-clockwise in the axes' coordinates, metres.
-    corners: Vec<Point2<f64>>,
+    /// Its sides: `n . p - d` is how far inside of a side a point is, metres.
+    sides: Vec<(Vector3<f64>, f64)>,
 }
 
 impl Footprint {
@@ -42,19 +40,26 @@ impl Footprint {
         let inside: Vec<Point2<f64>> =
             flat.iter().filter(|p| cell(p).is_some_and(|c| piece[c])).copied().collect();
         let corners = convex_hull(inside);
-        (corners.len() >= 3).then_some(Self { axes, corners })
+        if corners.len() < 3 {
+            return None;
+        }
+        // Corners go counter-clockwise, so what is left of a side is inside.
+        let side = |(a, b): (&Point2<f64>, &Point2<f64>)| {
+            let along = (b - a).normalize();
+            let inward = axes[1] * along.x - axes[0] * along.y;
+            (inward, along.perp(&a.coords))
+        };
+        Some(Self { sides: corners.iter().zip(corners.iter().cycle().skip(1)).map(side).collect() })
+    }
+
+    /// Its sides: a normal `n` into it and an offset `d`; `n . p - d` is how far inside a point is, metres.
+    pub fn sides(&self) -> &[(Vector3<f64>, f64)] {
+        &self.sides
     }
 
     /// Whether a point is over the surface, or within `margin` metres beside it.
     pub fn covers(&self, point: &Point3<f64>, margin: f64) -> bool {
-        let p = flatten(&self.axes, point);
-        let n = self.corners.len();
-        (0..n).all(|i| {
-            let (a, b) = (self.corners[i], self.corners[(i + 1) % n]);
-            let edge: Vector2<f64> = b - a;
-            // Positive on the inner side.
-            edge.perp(&(p - a)) >= -margin * edge.norm()
-        })
+        self.sides.iter().all(|(inward, offset)| inward.dot(&point.coords) - offset >= -margin)
     }
 }
 

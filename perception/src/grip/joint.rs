@@ -150,7 +150,7 @@ where
     /// has claimed is searched again with all claimed pixels taken, once.
     fn explain_away(&self, results: &mut [Searched], joint: &JointSettings) -> Result<()> {
         let pitch = self.observation.level(STRIDE).pitch;
-        let mut claims: Vec<Vec<bool>> = Vec::new();
+        let mut claims: Vec<Vec<usize>> = Vec::new();
         let mut taken = vec![false; self.observation.level(STRIDE).w.len()];
         for i in Self::order(results) {
             let Some(found) = &results[i].0 else { continue };
@@ -229,35 +229,39 @@ where
     }
 }
 
-/// Marks the pixels (of the padded level with stride 2) that a posed object explains: rendered there, and where the
-/// reading is.
-fn explained(model: &Model, pose: &Isometry3<f32>, observation: &Observation) -> Vec<bool> {
+/// The pixels (of the padded level with stride 2), in ascending order, that a posed object explains: rendered there, and
+/// where the reading is.
+fn explained(model: &Model, pose: &Isometry3<f32>, observation: &Observation) -> Vec<usize> {
     let level = observation.level(STRIDE);
-    let mut marks = vec![false; level.w.len()];
     let mut raster = Raster::default();
     if render(&mut raster, model.lod(TRIANGLES), pose, level, None).is_none() {
-        return marks;
+        return Vec::new();
     }
-    for (u, v, w) in raster.tile.pixels() {
+    let fits = |(u, v, w): (i32, i32, f32)| {
         let i = level.index(u, v);
         let close = (level.w[i] - w).abs() < KERNEL * level.tol[i] * w;
-        marks[i] = level.w[i] > 0.0 && close && level.weight[i] > 0.0;
-    }
-    marks
+        (level.w[i] > 0.0 && close && level.weight[i] > 0.0).then_some(i)
+    };
+    raster.tile.pixels().filter_map(fits).collect()
 }
 
-/// The share of the smaller of two sets of pixels that is in both; 0 when one is empty.
-fn overlap(a: &[bool], b: &[bool]) -> f64 {
-    let count = |m: &[bool]| m.iter().filter(|x| **x).count();
-    let both = a.iter().zip(b).filter(|(x, y)| **x && **y).count();
-    let smaller = count(a).min(count(b));
+/// The share of the smaller of two ascending lists of pixels that is in both; 0 when one is empty.
+fn overlap(a: &[usize], b: &[usize]) -> f64 {
+    let (mut i, mut j, mut both) = (0, 0, 0usize);
+    while let (Some(x), Some(y)) = (a.get(i), b.get(j)) {
+        both += usize::from(x == y);
+        i += usize::from(x <= y);
+        j += usize::from(y <= x);
+    }
+    let smaller = a.len().min(b.len());
     if smaller == 0 { 0.0 } else { both as f64 / smaller as f64 }
 }
 
-/// Adds the marks of `b`, grown by one pixel, to `a`: the rim of an object is explained by it, too.
-fn claim(a: &mut [bool], b: &[bool], pitch: usize) {
-    for i in pitch + 1..a.len().saturating_sub(pitch + 1) {
-        let grown = b[i] || b[i - 1] || b[i + 1] || b[i - pitch] || b[i + pitch];
-        a[i] |= grown;
+/// Marks the pixels, grown by one: the rim of an object is explained by it, too.
+fn claim(taken: &mut [bool], pixels: &[usize], pitch: usize) {
+    for &i in pixels {
+        for near in [i, i - 1, i + 1, i - pitch, i + pitch] {
+            taken[near] = true;
+        }
     }
 }

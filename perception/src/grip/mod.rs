@@ -19,6 +19,7 @@ mod score;
 mod search;
 mod settings;
 mod solid;
+mod tight_box;
 mod trace;
 
 use std::collections::BTreeMap;

@@ -4,12 +4,13 @@ use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
 use grip_sim::mesh::Visual;
 use grip_sim::objects::ObjectModel;
-use nalgebra::Vector3;
+use nalgebra::{Isometry3, Vector3};
 use rayon::prelude::*;
 
 use super::colour::{Looks, Turns};
 use super::resting::{Resting, resting_orientations};
 use super::solid::Solid;
+use super::tight_box::tight_box;
 use crate::error::{Error, Result};
 use crate::hypotheses::{Lod, simplify, weld};
 
@@ -32,8 +33,8 @@ pub(crate) struct Model {
     pub outline: Vec<Vector3<f32>>,
     /// Half of the diameter, metres.
     pub radius: f32,
-    /// Middle of the bounding box.
-    pub middle: Vector3<f32>,
+    /// The smallest box around it: origin in its middle, axes along its sides, in the object's frame.
+    pub tight_box: Isometry3<f32>,
     pub resting: Vec<Resting>,
     /// Made when two objects may touch.
     solid: OnceLock<Option<Solid>>,
@@ -71,8 +72,7 @@ impl Model {
                 "the mesh reaches {radius} m from its origin; models must be in metres, between 1 mm and 10 m"
             )));
         }
-        let bound = |pick: fn(f32, f32) -> f32| points.iter().fold(points[0], |m, p| m.zip_map(p, pick));
-        let middle = (bound(f32::min) + bound(f32::max)) / 2.0;
+        let tight_box = tight_box(&hull);
         let centroid = volume_centroid(&positions, &triangles);
         let resting = resting_orientations(&hull, centroid);
         Ok(Self {
@@ -81,7 +81,7 @@ impl Model {
             hull,
             outline,
             radius,
-            middle,
+            tight_box,
             resting,
             visual: object.visual.clone(),
             looks: OnceLock::new(),
@@ -102,7 +102,7 @@ impl Model {
 
     /// The turns that depth may not notice; prepared when first asked for.
     pub fn turns(&self) -> &Turns {
-        self.turns.get_or_init(|| Turns::new(&self.hull, &self.middle, self.radius))
+        self.turns.get_or_init(|| Turns::new(&self.hull, &self.tight_box, self.radius))
     }
 
     /// The coarsest mesh of at least `triangles`.

@@ -259,21 +259,25 @@ impl<'a> Search<'a> {
         Ok(out)
     }
 
-    /// The best of `found` and what it is easily taken for: itself turned by half a turn about an axis of its frame. They go
+    /// The best of `found` and what it is easily taken for: itself turned by half a turn about an axis of its box. They go
     /// to the population.
     fn best_of_twins(&mut self, found: Hypothesis, population: &mut Vec<Hypothesis>) -> Result<Hypothesis> {
         let mut best = found;
         if !self.settings.twins {
             return Ok(best);
         }
-        let middle = Translation3::from(self.model.middle);
+        let own = self.model.tight_box;
         let turned = [Vector3::x_axis(), Vector3::y_axis(), Vector3::z_axis()].map(|axis| {
             let half_turn = UnitQuaternion::from_axis_angle(&axis, std::f32::consts::PI);
-            found.pose * middle * half_turn * middle.inverse()
+            found.pose * own * half_turn * own.inverse()
         });
-        let twins = self.polished(turned.to_vec())?;
-        if twins[0].score > best.score {
-            best = twins[0];
+        // Those that begin far below do not end above.
+        let still = self.weigh(&self.full_batch(), &mut turned.clone())?;
+        let least = found.score - self.settings.twin_margin;
+        let near = turned.into_iter().zip(still).filter(|(_, score)| *score >= least).map(|(pose, _)| pose);
+        let twins = self.polished(near.collect())?;
+        if let Some(twin) = twins.first().filter(|twin| twin.score > best.score) {
+            best = *twin;
         }
         population.extend(twins);
         Ok(best)

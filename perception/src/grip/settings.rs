@@ -88,9 +88,11 @@ pub struct GripSettings {
     /// A restart that scores this much needs no other one to agree. (Of 120 first restarts in a data set of our own that scored
     /// 0.7 or more, 119 were within 1 cm.)
     pub sure_score: f32,
-    /// Whether the result is compared with itself turned by half a turn about each axis of the object: boxes and cans, whose
+    /// Whether the result is compared with itself turned by half a turn about each axis of the smallest box around the object: boxes and cans, whose
     /// scores differ little then.
     pub twins: bool,
+    /// Half-turned, one that scores less than the result by more is not looked at further.
+    pub twin_margin: f32,
     /// When the best of three restarts scores less, the object is not there: no more restarts, and no second search (a
     /// true pose scores over 0.5 nearly always).
     pub hopeless_score: f32,
@@ -183,6 +185,7 @@ impl Default for GripSettings {
             max_restarts: 8,
             sure_score: 0.75,
             twins: true,
+            twin_margin: 0.2,
             hopeless_score: 0.3,
             fit_weight: 0.6,
             edge_weight: 0.4,

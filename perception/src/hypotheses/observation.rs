@@ -5,14 +5,14 @@ use std::sync::Arc;
 
 use grip_sim::camera::Intrinsics;
 use grip_sim::frame::CameraFrame;
-use nalgebra::Point3;
+use nalgebra::{Point3, Vector3};
 use rayon::prelude::*;
 
 use super::raster::FlatPlane;
 use crate::detector::is_reading;
 use crate::grip::GripSettings;
-use crate::plane::{Plane, Support, fit_support_plane};
-use grip_sim::lanes::LANES;
+use crate::plane::{OVERHANG, Plane, Support, fit_support_plane};
+use grip_sim::lanes::{F8, Isa, LANES, blocks, blocks_mut, per_machine};
 
 /// The strides that are prepared.
 pub const STRIDES: [usize; 4] = [1, 2, 4, 8];
@@ -173,50 +173,99 @@ fn level(
         weight: vec![0.0; size],
         edge: Vec::new(),
     };
-    let epsilon = settings.epsilon_m as f32;
-    // Height over the plane of the point with ray (x, y, 1) and inverse depth w is (n . ray + w offset) / w.
-    let (n, offset) = support.map_or(([0.0; 3], 0.0), |s| {
-        let p = &s.plane;
-        ([p.normal.x as f32, p.normal.y as f32, p.normal.z as f32], p.offset as f32)
-    });
-    let band = settings.plane_band_m as f32;
     let mut near = vec![false; size];
     for v in 0..height {
-        let y = (v as f32 - level.cy) / level.fy;
-        for u in 0..width {
-            let i = level.index(u as i32, v as i32);
-            near[i] = edges[v * width + u];
-            let w = match stride {
-                1 => inverse[v * width + u],
-                _ => block_mean(inverse, k.width, [u * stride, v * stride], stride),
-            };
-            if w == 0.0 {
-                continue;
-            }
-            let x = (u as f32 - level.cx) / level.fx;
-            level.w[i] = w;
-            level.tol[i] = epsilon * w / (x * x + y * y + 1.0).sqrt();
-            let z = 1.0 / w;
-            let mut weight = 1.0;
-            let p = || Point3::new(x * z, y * z, z).cast();
-            if let Some(support) = support {
-                let above = (n[0] * x + n[1] * y + n[2]) * z + offset;
-                weight = (above / band - 0.4).clamp(0.0, 1.0);
-                if weight > 0.0 && !support.holds(&p()) {
-                    weight = 0.0;
+        let row = level.index(0, v as i32);
+        near[row..row + width].copy_from_slice(&edges[v * width..(v + 1) * width]);
+        let out = &mut level.w[row..row + width];
+        match stride {
+            1 => out.copy_from_slice(&inverse[v * width..(v + 1) * width]),
+            _ => {
+                for (u, w) in out.iter_mut().enumerate() {
+                    *w = block_mean(inverse, k.width, [u * stride, v * stride], stride);
                 }
             }
-            if let Some(workspace) = settings.workspace.as_ref()
-                && weight > 0.0
-                && !workspace.contains(&frame.world_from_camera.transform_point(&p()))
-            {
-                weight = 0.0;
-            }
-            level.weight[i] = weight;
         }
     }
+    let bounds = Bounds::new(frame, support, settings);
+    judge(Isa::best(), &mut level, &bounds, settings.epsilon_m as f32);
     level.edge = soft_distance(&near, pitch, settings.edge_sigma_px as f32);
     level
+}
+
+/// A half-space of the optical frame: `n . p + d` is how far inside a point is, metres.
+type HalfSpace = [f32; 4];
+
+/// Where an object's points may be.
+struct Bounds {
+    /// Over the support plane: heights up to `band[0]` weigh nothing, from `band[1]` on fully.
+    plane: Option<HalfSpace>,
+    band: [f32; 2],
+    /// Over the support's surface and in the workspace.
+    inside: Vec<HalfSpace>,
+}
+
+impl Bounds {
+    fn new(frame: &CameraFrame, support: Option<&Support>, settings: &GripSettings) -> Self {
+        let flat = |n: &Vector3<f64>, d: f64| [n.x, n.y, n.z, d].map(|x| x as f32);
+        let mut inside = Vec::new();
+        if let Some(support) = support {
+            let sides = support.footprint.sides().iter();
+            inside.extend(sides.map(|(inward, offset)| flat(inward, OVERHANG - offset)));
+        }
+        if let Some(workspace) = &settings.workspace {
+            let camera_from_world = frame.world_from_camera.inverse();
+            let camera = frame.world_from_camera.transform_point(&Point3::origin());
+            for axis in 0..3 {
+                let normal = camera_from_world.transform_vector(&Vector3::ith(axis, 1.0));
+                inside.push(flat(&normal, camera[axis] - workspace.min[axis]));
+                inside.push(flat(&-normal, workspace.max[axis] - camera[axis]));
+            }
+        }
+        let plane = support.map(|s| flat(&s.plane.normal, s.plane.offset));
+        Self { plane, band: [0.4, 1.4].map(|x| x * settings.plane_band_m as f32), inside }
+    }
+}
+
+per_machine! {
+    /// Fills the tolerances and weights of a level that has its readings.
+    fn judge(level: &mut Level, bounds: &Bounds, epsilon: f32) -> () => judge_body
+}
+
+#[inline(always)]
+fn judge_body(level: &mut Level, bounds: &Bounds, epsilon: f32) {
+    let (zero, one, epsilon) = (F8::ZERO, F8::all(1.0), F8::all(epsilon));
+    let (cx, inverse_fx) = (F8::all(level.cx), F8::all(1.0 / level.fx));
+    // What lies beyond the width has no reading.
+    let count = level.width.div_ceil(LANES);
+    for v in 0..level.height {
+        let row = level.index(0, v as i32);
+        let y = F8::all((v as f32 - level.cy) / level.fy);
+        let w = blocks(&level.w, row, count);
+        let [tol, weight] = [&mut level.tol, &mut level.weight].map(|out| blocks_mut(out, row, count));
+        for b in 0..count {
+            let w = F8(w[b]);
+            let x = (F8::INDEX + F8::all((b * LANES) as f32) - cx) * inverse_fx;
+            tol[b] = w.positive(epsilon * w / (x * x + y * y + one).sqrt(), one).0;
+            // How far inside the point with inverse depth w is, times w: n . (x, y, 1) + d w.
+            let scaled = |[a, b, c, d]: &HalfSpace| F8::all(*a) * x + F8::all(*b) * y + F8::all(*c) + F8::all(*d) * w;
+            let mut out = w.positive(one, zero);
+            if let Some(plane) = &bounds.plane {
+                let [low, high] = bounds.band.map(F8::all);
+                let over = (scaled(plane) - low * w) / (w.positive(w, one) * (high - low));
+                out = out.min(over.max(zero).min(one));
+            }
+            if out == zero {
+                weight[b] = zero.0;
+                continue;
+            }
+            let mut least = zero;
+            for side in &bounds.inside {
+                least = least.min(scaled(side));
+            }
+            weight[b] = zero.above(least, zero, out).0;
+        }
+    }
 }
 
 /// Mean of a block of inverse depths; where it holds two surfaces, of the one with more readings. 0 when less than a quarter
@@ -263,28 +312,29 @@ fn halved(marked: &[bool], [width, height]: [usize; 2]) -> Vec<bool> {
 fn near_edges(frame: &CameraFrame, jump: f32) -> Vec<bool> {
     let (depth, width, height) = (frame.depth.data(), frame.intrinsics.width, frame.intrinsics.height);
     let mut edges = vec![false; depth.len()];
-    let mut sweep = |start: usize, step: usize, count: usize| {
-        let mut last: Option<(usize, usize)> = None;
-        for n in 0..count {
-            let i = start + n * step;
+    // The last reading in the row, and those in the columns: indices.
+    const NONE: usize = usize::MAX;
+    let mut above = vec![NONE; width];
+    for v in 0..height {
+        let mut left = NONE;
+        for (u, above) in above.iter_mut().enumerate() {
+            let i = v * width + u;
             if !is_reading(depth[i]) {
                 continue;
             }
-            if let Some((before, at)) = last {
-                let gap = n - at;
+            for (before, step) in [(left, 1), (*above, width)] {
+                if before == NONE {
+                    continue;
+                }
+                let gap = (i - before) / step;
                 let difference = depth[i] - depth[before];
                 if gap <= EDGE_REACH && difference.abs() > jump + EDGE_SLOPE * (gap - 1) as f32 {
                     edges[if difference > 0.0 { before } else { i }] = true;
                 }
             }
-            last = Some((i, n));
+            left = i;
+            *above = i;
         }
-    };
-    for v in 0..height {
-        sweep(v * width, 1, width);
-    }
-    for u in 0..width {
-        sweep(u, width, height);
     }
     edges
 }

@@ -12,6 +12,10 @@ const MIN_KERNEL: f32 = 2.0;
 const MAX_TURN: f32 = 0.4;
 const MAX_MOVE: f32 = 0.05;
 
+/// Of a tile that has many rows this many at least pull, and one in [`SPARSEST`] at least: neighbouring rows say the same.
+const PULLING_ROWS: usize = 12;
+const SPARSEST: usize = 3;
+
 /// Normal equations of one step, sums over pixels: the upper triangle of `J^T W J`, row by row, then `J^T W r`.
 /// Unknowns are rotation (times the object's radius) and translation.
 pub(crate) type Sums = [f32; 27];
@@ -22,7 +26,8 @@ per_machine! {
     /// The rendered surface at a pixel is the plane `n . p = 1` with `n = (fx w_u, fy w_v, w - w_u (u - cx) - w_v (v - cy))`,
     /// w_u and w_v the differences of rendered inverse depth; the residual is the distance of the observed point of the
     /// same pixel from it, `(w / w' - 1) / |n|`. Tukey's weight `(1 - q^2)^2` times the plane weight; everything that is
-    /// not an inlier is set to zero by selection, not by multiplication: NaN times 0 is NaN.
+    /// not an inlier is set to zero by selection, not by multiplication: NaN times 0 is NaN. Of many rows every second or
+    /// third serves.
     pub(crate) fn accumulate(
         tile: &Tile,
         level: &Level,
@@ -54,7 +59,8 @@ pub(super) fn accumulate_body(
     let (scale, centre) = (F8::all(1.0 / radius), centre.map(F8::all));
     let (values, pitch) = (tile.values(), tile.pitch());
     let mut sums = [F8::ZERO; 27];
-    for y in 0..tile.height {
+    let every = (tile.height / PULLING_ROWS).clamp(1, SPARSEST);
+    for y in (0..tile.height).step_by(every) {
         let row = tile.index(0, y);
         let observed = level.index(tile.u0, tile.v0 + y as i32);
         let dv = F8::all((tile.v0 + y as i32) as f32 - level.cy);
@@ -68,7 +74,10 @@ pub(super) fn accumulate_body(
             let safe = w.positive(w, one);
             let seen = F8(seen[b]);
             let read = seen.positive(seen, one);
-            let q = (read - safe) / (kernel * F8(tol[b]) * safe);
+            let width = kernel * F8(tol[b]);
+            // One division for three: they are most of the work.
+            let product = one / (safe * read * width);
+            let q = (read - safe) * (product * read);
             let inside = one - q * q;
             let pull = inside.positive(inside * inside * F8(weight[b]), zero);
             let pull = w.positive(seen.positive(pull, zero), zero);
@@ -81,11 +90,11 @@ pub(super) fn accumulate_body(
             }
             let (wu, wv) = (difference(left, safe, right), difference(up, safe, down));
             let du = F8::INDEX + F8::all((tile.u0 + (b * LANES) as i32) as f32 - level.cx);
+            // The normal as it comes: its length is in both factors of every sum, so its square is taken out of the weight.
             let n = [fx * wu, fy * wv, safe - wu * du - wv * dv];
-            let length = (n[0] * n[0] + n[1] * n[1] + n[2] * n[2]).sqrt();
-            let inverse = one / length.max(F8::all(1e-6));
-            let n = n.map(|x| x * inverse);
-            let depth = one / safe;
+            let squared = n[0] * n[0] + n[1] * n[1] + n[2] * n[2];
+            let pull = pull / squared.max(F8::all(1e-12));
+            let depth = product * read * width;
             let arm = [
                 (du * inverse_fx * depth - centre.x) * scale,
                 (dv * inverse_fy * depth - centre.y) * scale,
@@ -99,7 +108,7 @@ pub(super) fn accumulate_body(
                 n[1],
                 n[2],
             ];
-            let residual = (safe / read - one) * inverse;
+            let residual = (safe - read) * (product * safe * width);
             let mut slot = 0;
             for a in 0..6 {
                 let pulled = pull * j[a];

@@ -105,13 +105,13 @@ pub(crate) fn decide(
     let judged = |pose: Isometry3<f32>| -> Option<Candidate> {
         Some(Candidate { pose, against: seen(&pose)?.against(&present) })
     };
-    let turns = model.turns();
+    let (turns, middle) = (model.turns(), model.tight_box.translation.vector);
     let (mut candidates, mut near) = (Vec::new(), None);
     // Of a body of revolution the population's modes are all turns, too.
     if let Some(axis) = &turns.revolution {
         let step = TAU / settings.revolution_steps as f32;
         let turned = |angle: f32, end: &UnitQuaternion<f32>| {
-            turns::about(&best, &model.middle, &(UnitQuaternion::from_axis_angle(axis, angle) * end))
+            turns::about(&best, &middle, &(UnitQuaternion::from_axis_angle(axis, angle) * end))
         };
         let sketch = view.evidence(looks, &best, COARSE)?;
         let height = |angle: f32, end: &UnitQuaternion<f32>| {
@@ -215,7 +215,8 @@ fn refined(mut angle: f32, mut step: f32, height: impl Fn(f32) -> f32) -> f32 {
 /// none of these.
 fn modes(model: &Model, found: &Found, margin: f32) -> Vec<Isometry3<f32>> {
     let best = &found.best;
-    let turned = |q: &UnitQuaternion<f32>| turns::about(&best.pose, &model.middle, q);
+    let middle = model.tight_box.translation.vector;
+    let turned = |q: &UnitQuaternion<f32>| turns::about(&best.pose, &middle, q);
     let mut poses: Vec<Isometry3<f32>> = model.turns().ends.iter().map(turned).collect();
     let most = poses.len() + MOST_MODES;
     for h in found.population.iter().filter(|h| h.score > best.score - margin) {

@@ -1,6 +1,6 @@
 //! Turns of an object that depth may not notice, found from its convex hull alone.
 
-use nalgebra::{Isometry3, Rotation3, Translation3, Unit, UnitQuaternion, Vector3};
+use nalgebra::{Isometry3, Point3, Rotation3, Translation3, Unit, UnitQuaternion, Vector3};
 
 use crate::grip::model::directions;
 use crate::grip::search::reach;
@@ -16,27 +16,30 @@ const ROUND: f32 = 0.05;
 /// Turns about an axis that are tried for that, radians; no two differ by a simple fraction of a circle.
 const TRIED: [f32; 6] = [0.3, 0.7, 1.1, 1.9, 2.6, 3.7];
 
-/// Turns about the middle of the bounding box that keep the convex hull, nearly.
+/// Turns about the middle of the smallest box around the object that keep its convex hull, nearly.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Turns {
-    /// The frame axis about which every turn keeps the hull, if there is just one (a ball has more).
+    /// The axis of that box about which every turn keeps the hull, if there is just one (a ball has more).
     pub revolution: Option<Unit<Vector3<f32>>>,
     /// Of a body of revolution: no turn, and one that swaps its ends if that keeps the hull. Else all turns by quarters about
-    /// frame axes that do, without the identity.
+    /// its axes that do, without the identity.
     pub ends: Vec<UnitQuaternion<f32>>,
 }
 
 impl Turns {
-    /// From extreme points of the object, its middle and radius, metres.
-    pub fn new(hull: &[Vector3<f32>], middle: &Vector3<f32>, radius: f32) -> Self {
-        let centred: Vec<Vector3<f32>> = hull.iter().map(|p| p - middle).collect();
+    /// From extreme points of the object, the frame of the smallest box around it, and its radius, metres.
+    pub fn new(hull: &[Vector3<f32>], tight_box: &Isometry3<f32>, radius: f32) -> Self {
+        let boxed = |p: &Vector3<f32>| tight_box.inverse_transform_point(&Point3::from(*p)).coords;
+        let boxed: Vec<Vector3<f32>> = hull.iter().map(boxed).collect();
+        // A turn in the object's own frame.
+        let own = |q: UnitQuaternion<f32>| tight_box.rotation * q * tight_box.rotation.inverse();
         let still: Vec<f32> =
-            directions(CHECKS).map(|d| reach(&centred, &Isometry3::identity(), &d)).collect();
+            directions(CHECKS).map(|d| reach(&boxed, &Isometry3::identity(), &d)).collect();
         let keeps = |q: &UnitQuaternion<f32>, share: f32| {
             let turned = Isometry3::from_parts(Translation3::identity(), *q);
             directions(CHECKS)
                 .zip(&still)
-                .all(|(d, reached)| (reach(&centred, &turned, &d) - reached).abs() < share * radius)
+                .all(|(d, reached)| (reach(&boxed, &turned, &d) - reached).abs() < share * radius)
         };
         let axes = [Vector3::x_axis(), Vector3::y_axis(), Vector3::z_axis()];
         let mut round = axes.iter().enumerate().filter(|(_, axis)| {
@@ -45,10 +48,10 @@ impl Turns {
         if let (Some((i, axis)), None) = (round.next(), round.next()) {
             let swap = UnitQuaternion::from_axis_angle(&axes[(i + 1) % 3], std::f32::consts::PI);
             let mut ends = vec![UnitQuaternion::identity()];
-            ends.extend(keeps(&swap, ALIKE).then_some(swap));
-            return Self { revolution: Some(*axis), ends };
+            ends.extend(keeps(&swap, ALIKE).then_some(own(swap)));
+            return Self { revolution: Some(tight_box.rotation * axis), ends };
         }
-        let ends = quarter_turns().into_iter().filter(|q| keeps(q, ALIKE)).collect();
+        let ends = quarter_turns().into_iter().filter(|q| keeps(q, ALIKE)).map(own).collect();
         Self { revolution: None, ends }
     }
 }
@@ -97,13 +100,14 @@ pub(super) fn about(pose: &Isometry3<f32>, middle: &Vector3<f32>, q: &UnitQuater
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::grip::tight_box::tight_box;
 
     fn cuboid(size: [f32; 3]) -> Vec<Vector3<f32>> {
         (0..8).map(|i| Vector3::from_fn(|a, _| size[a] * ((i >> a & 1) as f32 - 0.5) + 0.01)).collect()
     }
 
     fn turns(hull: &[Vector3<f32>]) -> Turns {
-        Turns::new(hull, &Vector3::repeat(0.01), hull.iter().map(|p| p.norm()).fold(0.0, f32::max))
+        Turns::new(hull, &tight_box(hull), hull.iter().map(|p| p.norm()).fold(0.0, f32::max))
     }
 
     #[test]

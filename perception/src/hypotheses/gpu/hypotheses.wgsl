@@ -352,7 +352,10 @@ fn draw(part: Part, found: Outline) {
 
 fn weigh(part: Part, found: Outline, pulls: bool) {
     let mine = vec2<i32>(vec2(thread % ROW, thread / ROW));
-    for (var y = part.first.y + mine.y; y < part.end.y; y += i32(THREADS / ROW)) {
+    // Every so many rows of the outline pull, all are compared.
+    let every = select(1, clamp(found.size.y / PULLING_ROWS, 1, SPARSEST), pulls);
+    let first = (part.first.y + every - 1) / every * every;
+    for (var y = first + mine.y * every; y < part.end.y; y += i32(THREADS / ROW) * every) {
         for (var x = part.first.x + mine.x; x < part.end.x; x += i32(ROW)) {
             let at = slot(part, vec2(x, y));
             let w = inverse_depth(at);

@@ -3,6 +3,8 @@
 const MIN_KERNEL = 2.0;
 const MAX_TURN = 0.4;
 const MAX_MOVE = 0.05;
+const PULLING_ROWS = 12;
+const SPARSEST = 3;
 
 // Central difference at a pixel of value `at`, one-sided at the rim.
 fn difference(before: f32, at: f32, after: f32) -> f32 {
