@@ -7,6 +7,7 @@
 //! are tempered, resolution goes from coarse to fine, and independent restarts replace hundreds of iterations. The
 //! principle, generate and weigh by rendering, is the same. `paper` is the method without these differences.
 
+mod alike;
 mod belief;
 mod colour;
 mod joint;
@@ -21,6 +22,7 @@ mod settings;
 mod solid;
 mod tight_box;
 mod trace;
+mod turned;
 
 use std::collections::BTreeMap;
 use std::sync::Arc;

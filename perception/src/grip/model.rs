@@ -7,6 +7,7 @@ use grip_sim::objects::ObjectModel;
 use nalgebra::{Isometry3, Vector3};
 use rayon::prelude::*;
 
+use super::alike::alike;
 use super::colour::{Looks, Turns};
 use super::resting::{Resting, resting_orientations};
 use super::solid::Solid;
@@ -41,6 +42,7 @@ pub(crate) struct Model {
     visual: Arc<Visual>,
     looks: OnceLock<Option<Looks>>,
     turns: OnceLock<Turns>,
+    alike: OnceLock<Vec<Isometry3<f32>>>,
 }
 
 impl Model {
@@ -86,6 +88,7 @@ impl Model {
             visual: object.visual.clone(),
             looks: OnceLock::new(),
             turns: OnceLock::new(),
+            alike: OnceLock::new(),
             solid: OnceLock::new(),
         })
     }
@@ -103,6 +106,12 @@ impl Model {
     /// The turns that depth may not notice; prepared when first asked for.
     pub fn turns(&self) -> &Turns {
         self.turns.get_or_init(|| Turns::new(&self.hull, &self.tight_box, self.radius))
+    }
+
+    /// Turns in which it nearly lies on itself; prepared when first asked for.
+    pub fn alike(&self) -> &[Isometry3<f32>] {
+        let revolution = || self.turns().revolution.map(|axis| axis.into_inner());
+        self.alike.get_or_init(|| alike(&self.visual.mesh, &self.tight_box, self.radius, revolution()))
     }
 
     /// The coarsest mesh of at least `triangles`.

@@ -19,6 +19,8 @@ pub(crate) struct Parts {
     pub boxes: f32,
     /// Penetration of the support plane; not positive.
     pub plane: f32,
+    /// Pixels of the full resolution that are explained, in units of the kernel; no part of the score.
+    pub explained: f32,
 }
 
 impl Parts {
@@ -60,5 +62,6 @@ pub(crate) fn parts(
         edge: settings.edge_weight * edge / most,
         boxes: settings.box_weight * box_support / most,
         plane: -settings.plane_weight * penetration / most,
+        explained: terms.fit * (stride * stride) as f32,
     }
 }

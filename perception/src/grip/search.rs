@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use grip_sim::camera::Intrinsics;
-use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
+use nalgebra::{Isometry3, Translation3, Vector3};
 use rand::Rng;
 use rand_distr::{Distribution, StandardNormal};
 
@@ -157,7 +157,7 @@ impl<'a> Search<'a> {
         }
         let Some(found) = best else { return Ok(None) };
         let agreeing = ends.iter().filter(|e| self.same(e, &found)).count();
-        let best = self.best_of_twins(found, &mut population)?;
+        let best = self.best_of_turned(found, &mut population)?;
         if self.settings.twins {
             self.trace.answer(self.rendered, &best.pose);
         }
@@ -228,8 +228,18 @@ impl<'a> Search<'a> {
         Ok(())
     }
 
+    /// Of what it searches,
+    pub fn model(&self) -> &'a Model {
+        self.model
+    }
+
+    /// and how.
+    pub fn settings(&self) -> &'a GripSettings {
+        self.settings
+    }
+
     /// Full resolution, no steps.
-    fn full_batch(&self) -> Batch<'a> {
+    pub fn full_batch(&self) -> Batch<'a> {
         Batch {
             lod: self.model.lod(FINAL_TRIANGLES),
             radius: self.model.radius,
@@ -259,33 +269,8 @@ impl<'a> Search<'a> {
         Ok(out)
     }
 
-    /// The best of `found` and what it is easily taken for: itself turned by half a turn about an axis of its box. They go
-    /// to the population.
-    fn best_of_twins(&mut self, found: Hypothesis, population: &mut Vec<Hypothesis>) -> Result<Hypothesis> {
-        let mut best = found;
-        if !self.settings.twins {
-            return Ok(best);
-        }
-        let own = self.model.tight_box;
-        let turned = [Vector3::x_axis(), Vector3::y_axis(), Vector3::z_axis()].map(|axis| {
-            let half_turn = UnitQuaternion::from_axis_angle(&axis, std::f32::consts::PI);
-            found.pose * own * half_turn * own.inverse()
-        });
-        // Those that begin far below do not end above.
-        let still = self.weigh(&self.full_batch(), &mut turned.clone())?;
-        let least = found.score - self.settings.twin_margin;
-        let near = turned.into_iter().zip(still).filter(|(_, score)| *score >= least).map(|(pose, _)| pose);
-        let twins = self.polished(near.collect())?;
-        if let Some(twin) = twins.first().filter(|twin| twin.score > best.score) {
-            best = *twin;
-        }
-        population.extend(twins);
-        Ok(best)
-    }
-
     /// Moves poses as the batch says; their scores then, 0 for one that cannot be seen whole enough to be judged.
     fn weigh(&mut self, batch: &Batch<'_>, poses: &mut [Isometry3<f32>]) -> Result<Vec<f32>> {
-        self.rendered += poses.len();
         Ok(self.judged(batch, poses)?.iter().map(Parts::score).collect())
     }
 
@@ -296,7 +281,9 @@ impl<'a> Search<'a> {
         Ok(parts[0].named().map(|(name, part)| (name.to_owned(), f64::from(part))).into())
     }
 
-    fn judged(&mut self, batch: &Batch<'_>, poses: &mut [Isometry3<f32>]) -> Result<Vec<Parts>> {
+    /// Moves poses as the batch says; what they are worth then.
+    pub fn judged(&mut self, batch: &Batch<'_>, poses: &mut [Isometry3<f32>]) -> Result<Vec<Parts>> {
+        self.rendered += poses.len();
         let Self { settings, observation, boxes, .. } = *self;
         let rendered = self.renderer.advance(batch, poses)?;
         let k = &observation.intrinsics;

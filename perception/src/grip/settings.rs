@@ -88,11 +88,13 @@ pub struct GripSettings {
     /// A restart that scores this much needs no other one to agree. (Of 120 first restarts in a data set of our own that scored
     /// 0.7 or more, 119 were within 1 cm.)
     pub sure_score: f32,
-    /// Whether the result is compared with itself turned by half a turn about each axis of the smallest box around the object: boxes and cans, whose
-    /// scores differ little then.
+    /// Whether the result is compared with itself turned so that it nearly lies on itself: boxes, clamps, mugs, whose scores
+    /// differ little then.
     pub twins: bool,
-    /// Half-turned, one that scores less than the result by more is not looked at further.
+    /// A turned one that scores less than the result by more is not looked at further.
     pub twin_margin: f32,
+    /// What explaining twice as many pixels of the image is worth among these, in units of the score.
+    pub explained_weight: f32,
     /// When the best of three restarts scores less, the object is not there: no more restarts, and no second search (a
     /// true pose scores over 0.5 nearly always).
     pub hopeless_score: f32,
@@ -170,8 +172,8 @@ impl Default for GripSettings {
         Self {
             epsilon_m: 0.007,
             levels: vec![
-                level(800, 8, 60, 5.0, 2, 1, [[0.0; 2]; 2]),
-                level(200, 8, 60, 5.0, 3, 1, [[0.0; 2]; 2]),
+                level(400, 8, 60, 5.0, 2, 1, [[0.0; 2]; 2]),
+                level(150, 8, 60, 5.0, 3, 1, [[0.0; 2]; 2]),
                 level(50, 4, 200, 3.0, 2, 2, [[0.010, 0.005], [0.2, 0.1]]),
                 level(20, 2, 200, 2.0, 1, 2, [[0.004, 0.002], [0.1, 0.05]]),
             ],
@@ -179,13 +181,14 @@ impl Default for GripSettings {
             anywhere: 0.1,
             oversampling: 8,
             resting_share: 0.5,
-            finalists: 3,
+            finalists: 2,
             final_steps: 8,
             final_kernel: 1.0,
             max_restarts: 8,
             sure_score: 0.75,
             twins: true,
-            twin_margin: 0.2,
+            twin_margin: 0.1,
+            explained_weight: 0.3,
             hopeless_score: 0.3,
             fit_weight: 0.6,
             edge_weight: 0.4,

@@ -1,0 +1,87 @@
+//! Turns in which an object nearly lies on itself: a box the wrong way round, a clamp on its other side, a mug whatever its
+//! handle says. Found once from the surface alone; which of them depth can tell apart is for the search to say.
+
+use std::f32::consts::TAU;
+
+use grip_sim::mesh::Mesh;
+use grip_sim::rng;
+use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
+use rstar::RTree;
+
+/// Turns about each axis of the object's box, none included.
+const TURNS: usize = 16;
+/// Points of the surface, dense enough to tell near from far, and one of how many is laid on them.
+const POINTS: usize = 2000;
+const EVERY: usize = 20;
+/// Rounds in which the turned surface is moved onto the unturned one.
+const ROUNDS: usize = 6;
+/// Points that are farther from the other surface do not pull, as a share of the radius, in the first round and the last: a
+/// handle must not pull a mug.
+const PULL: [f32; 2] = [0.4, 0.12];
+/// Nearer than this share of the radius, surfaces lie on each other.
+const NEAR: f32 = 0.08;
+/// Share of the surface that must; half turns are kept whatever.
+const SHARE: f32 = 0.5;
+/// With less than this share after so many rounds it will not.
+const HOPELESS: (f32, usize) = (0.2, 2);
+
+/// Those turns, in the object's frame: a pose times one of them is what it is taken for. Turns about the `revolution` of a body of
+/// revolution are left out, since nothing tells them apart.
+pub(crate) fn alike(
+    mesh: &Mesh,
+    tight_box: &Isometry3<f32>,
+    radius: f32,
+    revolution: Option<Vector3<f32>>,
+) -> Vec<Isometry3<f32>> {
+    let sampled = mesh.sample_surface(POINTS, &mut rng::stream(0, "alike"));
+    let points: Vec<Vector3<f32>> =
+        sampled.iter().map(|p| (tight_box.inverse() * p.cast::<f32>()).coords).collect();
+    let tree = RTree::bulk_load(points.iter().map(|p| [p.x, p.y, p.z]).collect());
+    let revolution = revolution.map(|axis| tight_box.rotation.inverse() * axis);
+    let mut found = Vec::new();
+    for axis in [Vector3::x_axis(), Vector3::y_axis(), Vector3::z_axis()] {
+        if revolution.is_some_and(|r| r.dot(&axis).abs() > 0.9) {
+            continue;
+        }
+        for k in 1..TURNS {
+            let turn = UnitQuaternion::from_axis_angle(&axis, TAU * k as f32 / TURNS as f32);
+            let turned: Vec<Vector3<f32>> = points.iter().step_by(EVERY).map(|p| turn * p).collect();
+            let (shift, share) = laid_on(&turned, &tree, radius);
+            if share >= SHARE || 2 * k == TURNS {
+                let here = Isometry3::from_parts(Translation3::from(shift), turn);
+                found.push(tight_box * here * tight_box.inverse());
+            }
+        }
+    }
+    found
+}
+
+/// The shift that lays points on a surface, as far as they fit it, and the share of them that lie on it then.
+fn laid_on(
+    points: &[Vector3<f32>],
+    surface: &RTree<[f32; 3]>,
+    radius: f32,
+) -> (Vector3<f32>, f32) {
+    let mut shift = Vector3::zeros();
+    let mut near = 0.0;
+    let offset = |p: &Vector3<f32>, shift: &Vector3<f32>| {
+        let moved = p + shift;
+        let nearest = surface.nearest_neighbor(&[moved.x, moved.y, moved.z]);
+        nearest.map_or_else(Vector3::zeros, |q| Vector3::from(*q) - moved)
+    };
+    for round in 0..=ROUNDS {
+        let offsets: Vec<Vector3<f32>> = points.iter().map(|p| offset(p, &shift)).collect();
+        let within = |reach: f32| {
+            let close = offsets.iter().filter(|d| d.norm() < reach);
+            (close.clone().sum::<Vector3<f32>>(), close.count() as f32)
+        };
+        near = within(NEAR * radius).1 / points.len().max(1) as f32;
+        if round == ROUNDS || (round == HOPELESS.1 && near < HOPELESS.0) {
+            break;
+        }
+        let part = round as f32 / (ROUNDS - 1) as f32;
+        let (sum, count) = within(radius * (PULL[0] + (PULL[1] - PULL[0]) * part));
+        shift += sum / count.max(1.0);
+    }
+    (shift, near)
+}

@@ -1,0 +1,73 @@
+//! A result against itself, turned so that it nearly lies on itself: a box the wrong way round, a clamp on its other side, a mug
+//! with its handle elsewhere fit nearly as well, and a search that ended at one of these does not leave it.
+//!
+//! DIFFERENCE to the paper: its filter, and the score of ours, ask how well the pixels of a hypothesis are explained. A mug whose
+//! handle hides behind it explains all of its pixels, too, though the handle in the image is left over. So poses of one object
+//! at one place are also compared by how much of the image they explain.
+
+use nalgebra::Isometry3;
+
+use super::score::Parts;
+use super::search::{Hypothesis, Search};
+use crate::error::Result;
+use crate::hypotheses::Batch;
+
+/// The resolution, model and kernel at which they are pulled into place and compared; see [`super::SearchLevel`].
+const STRIDE: usize = 2;
+const TRIANGLES: usize = 200;
+const KERNEL: f32 = 3.0;
+const STEPS: usize = 2;
+/// Of those turned against each other by less than this, radians, one is polished,
+const APART: f32 = 0.6;
+/// and so many of all.
+const POLISHED: usize = 4;
+
+impl Search<'_> {
+    /// The best of `found` and of what it is easily taken for. Those that were polished go to the population.
+    pub(super) fn best_of_turned(
+        &mut self,
+        found: Hypothesis,
+        population: &mut Vec<Hypothesis>,
+    ) -> Result<Hypothesis> {
+        let (model, settings) = (self.model(), self.settings());
+        if !settings.twins || model.alike().is_empty() {
+            return Ok(found);
+        }
+        let batch = Batch {
+            lod: model.lod(TRIANGLES),
+            stride: STRIDE,
+            kernel: KERNEL,
+            steps: STEPS,
+            ..self.full_batch()
+        };
+        let turned = model.alike().iter().map(|turn| found.pose * turn);
+        let mut poses: Vec<Isometry3<f32>> = std::iter::once(found.pose).chain(turned).collect();
+        let merits = self.merits(&batch, &mut poses)?;
+        let least = merits[0] - settings.twin_margin;
+        let mut order: Vec<usize> = (1..poses.len()).filter(|&i| merits[i] >= least).collect();
+        order.sort_by(|&a, &b| merits[b].total_cmp(&merits[a]));
+        let mut apart: Vec<Isometry3<f32>> = Vec::new();
+        for pose in order.into_iter().map(|i| poses[i]) {
+            let far = |other: &Isometry3<f32>| other.rotation.angle_to(&pose.rotation) > APART;
+            if apart.len() < POLISHED && apart.iter().all(far) {
+                apart.push(pose);
+            }
+        }
+        let polished = self.polished(apart)?;
+        let rivals: Vec<Hypothesis> = std::iter::once(found).chain(polished.iter().copied()).collect();
+        let mut poses: Vec<Isometry3<f32>> = rivals.iter().map(|h| h.pose).collect();
+        let merits = self.merits(&self.full_batch(), &mut poses)?;
+        population.extend(polished);
+        // The first of equals: a turn must be better.
+        let best = rivals.into_iter().zip(merits).reduce(|a, b| if b.1 > a.1 { b } else { a });
+        Ok(best.map_or(found, |(h, _)| h))
+    }
+
+    /// Moves poses as the batch says; their scores, and beside them what they explain more than the first.
+    fn merits(&mut self, batch: &Batch<'_>, poses: &mut [Isometry3<f32>]) -> Result<Vec<f32>> {
+        let weight = self.settings().explained_weight;
+        let judged = self.judged(batch, poses)?;
+        let first = judged.first().map_or(0.0, |p| p.explained).max(1.0);
+        Ok(judged.iter().map(|p: &Parts| p.score() + weight * (p.explained / first - 1.0)).collect())
+    }
+}
