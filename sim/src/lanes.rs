@@ -211,6 +211,13 @@ pub fn blocks_mut(values: &mut [f32], at: usize, count: usize) -> &mut [[f32; LA
     &mut values[at..at + count * LANES].as_chunks_mut().0[..count]
 }
 
+/// The sums of a loop, kept in memory. What is stored block by block LLVM makes whole vectors of; sums that live in registers it
+/// takes apart into halves and single lanes (measured: twice the time).
+#[inline(always)]
+pub fn in_memory<const N: usize>(sums: &mut [F8; N]) -> &mut [F8; N] {
+    std::hint::black_box(sums)
+}
+
 macro_rules! lanewise {
     ($($trait:ident $method:ident $op:tt),*) => {$(
         impl $trait for F8 {

@@ -2,7 +2,7 @@
 
 use super::observation::Level;
 use super::raster::Tile;
-use grip_sim::lanes::{F8, LANES, blocks, per_machine};
+use grip_sim::lanes::{F8, LANES, blocks, in_memory, per_machine};
 
 /// Sums over a rendered tile.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
@@ -44,28 +44,30 @@ pub(crate) fn compare_body(tile: &Tile, level: &Level, kernel: f32) -> Terms {
             [&level.w, &level.tol, &level.weight, &level.edge].map(|values| blocks(values, observed, count));
         for b in 0..count {
             let w = F8(here[b]);
-            let rendered = w.positive(one, zero);
-            if rendered == zero {
+            if w == zero {
                 continue;
             }
+            let rendered = w.positive(one, zero);
             let safe = w.positive(w, one);
             let seen = F8(seen[b]);
             let read = seen.positive(rendered, zero);
             let q = (seen - safe) / (kernel * F8(tol[b]) * safe);
-            let fit = (one - q * q).max(zero);
+            let fit = (one - q * q).max(zero) * F8(weight[b]) * read;
             let visible = one.above(q, read, zero);
             let across = F8(left[b]).min(F8(right[b]));
             let along = F8(above[b]).min(F8(below[b]));
             let rim = across.min(along).positive(zero, visible);
+            let violated = (zero - q).above(one, read, zero);
+            let sums = in_memory(&mut sums);
             sums[0] += rendered;
-            sums[1] += rendered - read;
-            sums[2] += read - visible;
-            sums[3] += (zero - q).above(one, read, zero);
-            sums[4] += fit * F8(weight[b]) * read;
+            sums[1] += read;
+            sums[2] += visible;
+            sums[3] += violated;
+            sums[4] += fit;
             sums[5] += rim;
             sums[6] += rim * F8(evidence[b]);
         }
     }
-    let [rendered, hole, occluded, violated, fit, rim, edge] = sums.map(F8::sum);
-    Terms { rendered, hole, occluded, violated, fit, rim, edge }
+    let [rendered, read, visible, violated, fit, rim, edge] = sums.map(F8::sum);
+    Terms { rendered, hole: rendered - read, occluded: read - visible, violated, fit, rim, edge }
 }
