@@ -100,3 +100,17 @@ fn pose<const THREADS: usize>(bencher: Bencher<'_, '_>, name: &str) {
         pool.install(|| estimator.estimate(&bench.frame, &bench.detections, &objects, seed)).unwrap()
     });
 }
+
+/// A frame of six objects with its preparation, one and two threads.
+#[divan::bench(consts = [1, 2], sample_count = 20)]
+fn frame_of_six<const THREADS: usize>(bencher: Bencher<'_, '_>) {
+    let objects = OBJECTS.map(object);
+    let (frame, detections) = Workbench::together(&objects, DISTANCE_M).unwrap();
+    let estimator = GripEstimator::default();
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(THREADS).build().unwrap();
+    let mut seed = 0;
+    bencher.bench_local(|| {
+        seed += 1;
+        pool.install(|| estimator.estimate(&frame, &detections, &objects, seed)).unwrap()
+    });
+}
