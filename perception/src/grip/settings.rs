@@ -278,6 +278,20 @@ impl GripSettings {
                 return bad(name, value.to_string(), "must be positive and finite");
             }
         }
+        let not_negative = [
+            ("edge_weight", self.edge_weight),
+            ("box_weight", self.box_weight),
+            ("plane_weight", self.plane_weight),
+            ("violation", self.violation),
+            ("occlusion_discount", self.occlusion_discount),
+            ("twin_margin", self.twin_margin),
+            ("explained_weight", self.explained_weight),
+        ];
+        for (name, value) in not_negative {
+            if !(value >= 0.0 && value.is_finite()) {
+                return bad(name, value.to_string(), "must not be negative");
+            }
+        }
         if !(0.0..=1.0).contains(&self.anywhere) {
             return bad("anywhere", self.anywhere.to_string(), "0 to 1; try 0.1");
         }

@@ -104,7 +104,8 @@ mod tests {
         let size = [0.14, 0.10, 0.04];
         for turn in [[0.0, 0.0, 0.58], [0.1, -0.2, 0.5], [0.0, 0.3, 0.0], [0.0; 3]] {
             let truth = Isometry3::new(Vector3::new(0.01, 0.02, -0.03), Vector3::from(turn));
-            let points: Vec<_> = cuboid(size).iter().map(|p| (truth * nalgebra::Point3::from(*p)).coords).collect();
+            let points: Vec<_> =
+                cuboid(size).iter().map(|p| (truth * nalgebra::Point3::from(*p)).coords).collect();
             let found = tight_box(&points);
             assert!((found.translation.vector - truth.translation.vector).norm() < 2e-4, "{found}");
             // To a degree, and with the axes in their order.

@@ -71,3 +71,34 @@ impl Search<'_> {
         Ok(judged.iter().map(|p: &Parts| p.score() + weight * (p.explained / first - 1.0)).collect())
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::{Translation3, UnitQuaternion, Vector3};
+
+    use super::*;
+    use crate::grip::GripSettings;
+    use crate::hypotheses::Cpu;
+    use crate::hypotheses::tests::{mug, observe};
+
+    #[test]
+    fn a_handle_in_the_image_is_not_left_over() {
+        let model = mug(0.04, 0.1);
+        // Upright, seen from a little above, the handle to the right.
+        let upright = UnitQuaternion::from_axis_angle(&Vector3::x_axis(), 1.8);
+        let truth = Isometry3::from_parts(Translation3::new(0.0, 0.0, 0.8), upright);
+        let observation = observe(&model, &truth);
+        let settings = GripSettings::default();
+        let mut cpu = Cpu::default();
+        let mut search = Search::new(&model, &observation, &[], &settings, &mut cpu);
+        let behind = truth * UnitQuaternion::from_axis_angle(&Vector3::z_axis(), std::f32::consts::FRAC_PI_2);
+        let found = search.polished(vec![behind]).unwrap()[0];
+        let mut population = Vec::new();
+        let best = search.best_of_turned(found, &mut population).unwrap();
+        let off = best.pose.rotation.angle_to(&truth.rotation);
+        assert!(off < 0.05, "{off} rad from the truth; {population:?}");
+        // What is right already stays.
+        let same = search.best_of_turned(best, &mut population).unwrap();
+        assert!(same.pose.rotation.angle_to(&truth.rotation) < 0.05);
+    }
+}

@@ -248,7 +248,8 @@ fn judge_body(level: &mut Level, bounds: &Bounds, epsilon: f32) {
             let x = (F8::INDEX + F8::all((b * LANES) as f32) - cx) * inverse_fx;
             tol[b] = w.positive(epsilon * w / (x * x + y * y + one).sqrt(), one).0;
             // How far inside the point with inverse depth w is, times w: n . (x, y, 1) + d w.
-            let scaled = |[a, b, c, d]: &HalfSpace| F8::all(*a) * x + F8::all(*b) * y + F8::all(*c) + F8::all(*d) * w;
+            let scaled =
+                |[a, b, c, d]: &HalfSpace| F8::all(*a) * x + F8::all(*b) * y + F8::all(*c) + F8::all(*d) * w;
             let mut out = w.positive(one, zero);
             if let Some(plane) = &bounds.plane {
                 let [low, high] = bounds.band.map(F8::all);

@@ -89,6 +89,21 @@ fn sphere_mesh(radius: f32) -> Parts {
 
 /// A closed cylinder about z.
 pub(crate) fn can(radius: f32, height: f32) -> Model {
+    let (positions, triangles) = can_mesh(radius, height);
+    model(positions, triangles)
+}
+
+/// A cylinder about z with a handle on the side of x.
+pub(crate) fn mug(radius: f32, height: f32) -> Model {
+    let (mut positions, mut triangles) = can_mesh(radius, height);
+    let first = positions.len() as u32;
+    let (corners, faces) = box_mesh([0.04, 0.015, 0.6 * height]);
+    positions.extend(corners.into_iter().map(|p| p + Vector3::x() * (radius + 0.015)));
+    triangles.extend(faces.into_iter().map(|f| f.map(|i| i + first)));
+    model(positions, triangles)
+}
+
+fn can_mesh(radius: f32, height: f32) -> Parts {
     let sides = 48u32;
     let mut positions = vec![Point3::new(0.0, 0.0, -0.5 * height), Point3::new(0.0, 0.0, 0.5 * height)];
     let mut triangles = Vec::new();
@@ -100,7 +115,7 @@ pub(crate) fn can(radius: f32, height: f32) -> Model {
         let (a, b) = (2 + 2 * i, 2 + 2 * ((i + 1) % sides));
         triangles.extend([[a, b, b + 1], [a, b + 1, a + 1], [0, b, a], [1, a + 1, b + 1]]);
     }
-    model(positions, triangles)
+    (positions, triangles)
 }
 
 fn settings() -> GripSettings {
@@ -108,7 +123,7 @@ fn settings() -> GripSettings {
 }
 
 /// What the camera sees of a model before a wall 2 m away.
-pub(super) fn observe(model: &Model, pose: &Isometry3<f32>) -> Observation {
+pub(crate) fn observe(model: &Model, pose: &Isometry3<f32>) -> Observation {
     Observation::new(&shown(model, pose, 2.0), &settings())
 }
 

@@ -33,8 +33,7 @@ impl Turns {
         let boxed: Vec<Vector3<f32>> = hull.iter().map(boxed).collect();
         // A turn in the object's own frame.
         let own = |q: UnitQuaternion<f32>| tight_box.rotation * q * tight_box.rotation.inverse();
-        let still: Vec<f32> =
-            directions(CHECKS).map(|d| reach(&boxed, &Isometry3::identity(), &d)).collect();
+        let still: Vec<f32> = directions(CHECKS).map(|d| reach(&boxed, &Isometry3::identity(), &d)).collect();
         let keeps = |q: &UnitQuaternion<f32>, share: f32| {
             let turned = Isometry3::from_parts(Translation3::identity(), *q);
             directions(CHECKS)
