@@ -15,6 +15,8 @@ const CELLS: i64 = 200;
 pub struct Footprint {
     /// Its sides: `n . p - d` is how far inside of a side a point is, metres.
     sides: Vec<(Vector3<f64>, f64)>,
+    /// Square metres.
+    area: f64,
 }
 
 impl Footprint {
@@ -49,7 +51,14 @@ impl Footprint {
             let inward = axes[1] * along.x - axes[0] * along.y;
             (inward, along.perp(&a.coords))
         };
-        Some(Self { sides: corners.iter().zip(corners.iter().cycle().skip(1)).map(side).collect() })
+        let pairs = || corners.iter().zip(corners.iter().cycle().skip(1));
+        let area = pairs().map(|(a, b)| a.coords.perp(&b.coords)).sum::<f64>() / 2.0;
+        Some(Self { sides: pairs().map(side).collect(), area })
+    }
+
+    /// Area of the hull, square metres.
+    pub fn area(&self) -> f64 {
+        self.area
     }
 
     /// Its sides: a normal `n` into it and an offset `d`; `n . p - d` is how far inside a point is, metres.
@@ -132,6 +141,7 @@ mod tests {
         let points = grid(0.0, 60).chain(grid(1.0, 20));
         let footprint = Footprint::new(&Vector3::z_axis(), points).unwrap();
         let covers = |x: f64, y: f64, margin: f64| footprint.covers(&Point3::new(x, y, 0.7), margin);
+        assert!((footprint.area() - 0.59 * 0.59).abs() < 1e-9);
         assert!(covers(0.3, 0.3, 0.0) && covers(0.01, 0.58, 0.0));
         assert!(!covers(1.1, 0.1, 0.0) && !covers(0.62, 0.3, 0.0) && !covers(0.3, -0.02, 0.0));
         assert!(covers(0.62, 0.3, 0.04) && covers(0.3, -0.02, 0.03));

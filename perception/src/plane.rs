@@ -73,6 +73,9 @@ const COUNT_STEP: usize = 8;
 /// A plane above the largest one is preferred when it has at least this share of its points: a table holds the objects
 /// even where more of the floor is in view.
 const HIGHER_SHARE: f64 = 0.35;
+/// And when it is so large, square metres: more than the face of any object that a gripper holds. (A cracker box that lies near the
+/// camera fills as much of the image as the table around it, with 0.034.)
+const HIGHER_AREA_M2: f64 = 0.08;
 /// Rounds of the least-squares refinement.
 const REFINEMENTS: usize = 4;
 
@@ -98,17 +101,20 @@ pub fn fit_support_plane(
         };
         let plane = refine(plane, &points, settings.inlier_m);
         let close = |p: &Point3<f64>| plane.height(p).abs() < settings.inlier_m;
-        let inliers = points.iter().filter(|p| close(p)).count();
-        if inliers < enough {
+        let inliers: Vec<Point3<f64>> = points.iter().copied().filter(close).collect();
+        let count = inliers.len();
+        if count < enough {
             break;
         }
+        let large = || Footprint::new(&plane.normal, inliers.into_iter()).is_some_and(|f| f.area() >= HIGHER_AREA_M2);
         let better = best.is_none_or(|(old, most)| {
-            inliers as f64 > HIGHER_SHARE * most as f64
+            count as f64 > HIGHER_SHARE * most as f64
                 && plane.normal.dot(&old.normal) > 0.98
                 && plane.offset < old.offset - 0.02
+                && large()
         });
         if better {
-            best = Some((plane, best.map_or(inliers, |(_, most)| most)));
+            best = Some((plane, best.map_or(count, |(_, most)| most)));
         }
         // Everything near it goes, or its noisy rim would be found again.
         points.retain(|p| plane.height(p).abs() > 3.0 * settings.inlier_m);
@@ -260,6 +266,29 @@ mod tests {
         let frame = frame(0.75, 0.5, 0.004);
         let plane = fit_support_plane(&frame, &PlaneSettings::default(), None).unwrap().plane;
         assert!((plane.offset - 0.5).abs() < 0.002, "{plane:?}");
+    }
+
+    #[test]
+    fn the_top_of_a_box_is_no_table() {
+        // A box of 0.22 x 0.18 m and 0.06 m height fills much of the image of a camera that looks down on it, and what is seen
+        // of the table around it is mostly without readings.
+        let mut frame = frame(1.2, 3.0, 0.002);
+        let k = frame.intrinsics;
+        for v in 0..k.height {
+            for u in 0..k.width {
+                let ray = frame.world_from_camera.transform_vector(&k.back_project(u as f64, v as f64, 1.0).coords);
+                let z = (0.76 - 1.2) / ray.z;
+                let (x, y) = (z * ray.x, z * ray.y);
+                let depth = frame.depth.at_mut(u, v);
+                if (0.06..0.24).contains(&x) && y.abs() < 0.11 {
+                    *depth = z as f32;
+                } else if (u + v) % 3 > 0 {
+                    *depth = 0.0;
+                }
+            }
+        }
+        let plane = fit_support_plane(&frame, &PlaneSettings::default(), None).unwrap().plane;
+        assert!((plane.offset - 0.5).abs() < 0.003, "{plane:?}");
     }
 
     #[test]
