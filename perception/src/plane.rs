@@ -106,7 +106,8 @@ pub fn fit_support_plane(
         if count < enough {
             break;
         }
-        let large = || Footprint::new(&plane.normal, inliers.into_iter()).is_some_and(|f| f.area() >= HIGHER_AREA_M2);
+        let large =
+            || Footprint::new(&plane.normal, inliers.into_iter()).is_some_and(|f| f.area() >= HIGHER_AREA_M2);
         let better = best.is_none_or(|(old, most)| {
             count as f64 > HIGHER_SHARE * most as f64
                 && plane.normal.dot(&old.normal) > 0.98
@@ -276,7 +277,8 @@ mod tests {
         let k = frame.intrinsics;
         for v in 0..k.height {
             for u in 0..k.width {
-                let ray = frame.world_from_camera.transform_vector(&k.back_project(u as f64, v as f64, 1.0).coords);
+                let ray =
+                    frame.world_from_camera.transform_vector(&k.back_project(u as f64, v as f64, 1.0).coords);
                 let z = (0.76 - 1.2) / ray.z;
                 let (x, y) = (z * ray.x, z * ray.y);
                 let depth = frame.depth.at_mut(u, v);
