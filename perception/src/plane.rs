@@ -275,6 +275,7 @@ mod tests {
         // of the table around it is mostly without readings.
         let mut frame = frame(1.2, 3.0, 0.002);
         let k = frame.intrinsics;
+        let (mut top, mut table) = (0, 0);
         for v in 0..k.height {
             for u in 0..k.width {
                 let ray =
@@ -284,11 +285,18 @@ mod tests {
                 let depth = frame.depth.at_mut(u, v);
                 if (0.06..0.24).contains(&x) && y.abs() < 0.11 {
                     *depth = z as f32;
-                } else if (u + v) % 3 > 0 {
+                    top += 1;
+                } else if !(u / STRIDE + v / STRIDE).is_multiple_of(3) {
                     *depth = 0.0;
+                } else {
+                    table += usize::from(*depth > 0.0);
                 }
             }
         }
+        assert!(
+            top as f64 > HIGHER_SHARE * table as f64,
+            "{top} {table}: too small a box to be taken for one"
+        );
         let plane = fit_support_plane(&frame, &PlaneSettings::default(), None).unwrap().plane;
         assert!((plane.offset - 0.5).abs() < 0.003, "{plane:?}");
     }
