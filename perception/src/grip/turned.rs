@@ -81,17 +81,40 @@ mod tests {
     use crate::hypotheses::Cpu;
     use crate::hypotheses::tests::{mug, observe};
 
-    #[test]
-    fn a_handle_in_the_image_is_not_left_over() {
-        let model = mug(0.04, 0.1);
-        // Upright, seen from a little above, the handle to the right.
+    /// Upright, seen from a little above, the handle to the right; and with the handle behind it.
+    fn seen_and_hidden() -> [Isometry3<f32>; 2] {
         let upright = UnitQuaternion::from_axis_angle(&Vector3::x_axis(), 1.8);
-        let truth = Isometry3::from_parts(Translation3::new(0.0, 0.0, 0.8), upright);
+        let seen = Isometry3::from_parts(Translation3::new(0.0, 0.0, 0.8), upright);
+        [seen, seen * UnitQuaternion::from_axis_angle(&Vector3::z_axis(), std::f32::consts::FRAC_PI_2)]
+    }
+
+    #[test]
+    fn what_is_left_over_tells_where_shares_do_not() {
+        let model = mug(0.04, 0.1);
+        let [seen, hidden] = seen_and_hidden();
+        let observation = observe(&model, &seen);
+        let gain = |explained_weight: f32| {
+            // Depth alone: how well the pixels of a pose are explained.
+            let settings = GripSettings { edge_weight: 0.0, explained_weight, ..GripSettings::default() };
+            let mut cpu = Cpu::default();
+            let mut search = Search::new(&model, &observation, &[], &settings, &mut cpu);
+            let batch = search.full_batch();
+            let merits = search.merits(&batch, &mut [hidden, seen]).unwrap();
+            merits[1] - merits[0]
+        };
+        let (without, with) = (gain(0.0), gain(GripSettings::default().explained_weight));
+        assert!(without.abs() < 0.02, "{without}");
+        assert!(with > without + 0.03, "{with} {without}");
+    }
+
+    #[test]
+    fn a_search_leaves_a_mug_with_its_handle_behind() {
+        let model = mug(0.04, 0.1);
+        let [truth, behind] = seen_and_hidden();
         let observation = observe(&model, &truth);
         let settings = GripSettings::default();
         let mut cpu = Cpu::default();
         let mut search = Search::new(&model, &observation, &[], &settings, &mut cpu);
-        let behind = truth * UnitQuaternion::from_axis_angle(&Vector3::z_axis(), std::f32::consts::FRAC_PI_2);
         let found = search.polished(vec![behind]).unwrap()[0];
         let mut population = Vec::new();
         let best = search.best_of_turned(found, &mut population).unwrap();
