@@ -2,32 +2,8 @@
 //!
 //! Exit codes: 0 done, 1 the trial did not pack everything or touched what it must not, 2 could not run.
 
-mod assets;
-mod benchmark;
 mod cli;
 mod commands;
-mod dataset;
-mod experiment;
-mod explain;
-mod film;
-mod html;
-mod ledger;
-mod looks;
-mod motion_check;
-mod outcome;
-mod output;
-mod perceive;
-mod pictures;
-mod plot;
-mod port;
-mod report;
-mod run_dir;
-mod scenario;
-mod score;
-mod scorecard;
-mod setup;
-mod trial;
-mod workers;
 
 use std::process::ExitCode;
 
@@ -54,7 +30,7 @@ fn main() -> ExitCode {
     match commands::run(cli) {
         Ok(done) => done.exit_code(),
         Err(error) => {
-            output::message(format_args!("error: {error:#}"));
+            commands::output::message(format_args!("error: {error:#}"));
             ExitCode::from(2)
         }
     }

@@ -16,7 +16,7 @@ const DRAWN_DEPTH_M: [f32; 2] = [0.5, 1.8];
 pub fn color(label: u16) -> [u8; 3] {
     match label {
         0 => [0, 0, 0],
-        grip_sim::physics::ROBOT_LABEL => [110, 110, 120],
+        grip_physics::ROBOT_LABEL => [110, 110, 120],
         n => {
             let c = colorous::CATEGORY10[(usize::from(n) - 1) % 10];
             [c.r, c.g, c.b]

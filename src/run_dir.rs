@@ -1,7 +1,7 @@
 //! A run folder that exists whole or not at all.
 //!
 //! Everything is written to a temporary folder beside the final one and renamed at the end, so that a kill, an error or
-//! a full disk leaves no half-written run.
+//! a full disk leaves no half-written run. A run that replaces an earlier one keeps what others have put into its folder.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -11,6 +11,9 @@ use anyhow::{Context, Result, bail};
 /// Files by which a folder is known as one of ours, which may be replaced, and how the schema in them begins. The names
 /// alone would not do: a BOP data set has a camera.json too.
 const MARKS: [(&str, &str); 2] = [("result.json", "grip.trial/"), ("camera.json", "grip.camera/")];
+
+/// Names the files of a run, a line each, so that a later one knows what it may replace.
+const FILES: &str = ".grip-files";
 
 /// A run folder under construction; removed when dropped before [`RunDir::finish`].
 #[derive(Debug)]
@@ -75,6 +78,11 @@ impl RunDir {
     /// # Errors
     /// When it cannot be renamed.
     pub fn finish(mut self) -> Result<PathBuf> {
+        let ours = files_below(&self.building).with_context(|| cannot_write(&self.building))?;
+        self.write(FILES, ours.iter().map(|file| format!("{}\n", file.display())).collect::<String>())?;
+        if self.target.exists() {
+            self.keep_what_others_added(&ours)?;
+        }
         // The earlier run moves aside first and is deleted last, so that at every moment a whole run is on disk.
         let aside = self.building.with_extension("old.tmp");
         if self.target.exists() {
@@ -93,6 +101,44 @@ impl RunDir {
         }
         Ok(self.target.clone())
     }
+
+    /// Copies from the earlier run what it did not write itself and this one does not have. Of a run that does not tell what
+    /// it wrote that is everything else.
+    fn keep_what_others_added(&self, ours: &[PathBuf]) -> Result<()> {
+        let theirs = fs::read_to_string(self.target.join(FILES)).unwrap_or_default();
+        let written: Vec<&Path> = theirs.lines().map(Path::new).chain([Path::new(FILES)]).collect();
+        let there =
+            files_below(&self.target).with_context(|| format!("{}: cannot read", self.target.display()))?;
+        for file in there.iter().filter(|file| !written.contains(&file.as_path()) && !ours.contains(file)) {
+            let to = self.building.join(file);
+            let copy = || {
+                fs::create_dir_all(to.parent().unwrap_or(&self.building))?;
+                fs::copy(self.target.join(file), &to)
+            };
+            copy().with_context(|| cannot_write(&self.target.join(file)))?;
+        }
+        Ok(())
+    }
+}
+
+/// All files below `folder`, by their paths from there, sorted.
+fn files_below(folder: &Path) -> std::io::Result<Vec<PathBuf>> {
+    fn collect(root: &Path, inside: &Path, files: &mut Vec<PathBuf>) -> std::io::Result<()> {
+        for entry in fs::read_dir(root.join(inside))? {
+            let entry = entry?;
+            let path = inside.join(entry.file_name());
+            if entry.file_type()?.is_dir() {
+                collect(root, &path, files)?;
+            } else {
+                files.push(path);
+            }
+        }
+        Ok(())
+    }
+    let mut files = Vec::new();
+    collect(folder, Path::new(""), &mut files)?;
+    files.sort();
+    Ok(files)
 }
 
 impl Drop for RunDir {
@@ -142,6 +188,28 @@ mod tests {
         fs::write(target.join("thesis.txt"), "precious").unwrap();
         let error = RunDir::begin(&target).unwrap_err().to_string();
         assert!(error.contains("not the folder of an earlier run"), "{error}");
+    }
+
+    #[test]
+    fn a_rerun_keeps_what_others_added_and_nothing_of_the_earlier_run() {
+        let folder = tempfile::tempdir().unwrap();
+        let target = folder.path().join("run");
+        let run = |files: &[&str]| {
+            let run = RunDir::begin(&target).unwrap();
+            run.write("result.json", r#"{"schema": "grip.trial/4"}"#).unwrap();
+            files.iter().for_each(|file| run.write(file, "of the run").unwrap());
+            run.finish().unwrap();
+        };
+        run(&["frames/00.png", "frames/01.png"]);
+        fs::write(target.join("notes.txt"), "precious").unwrap();
+        fs::write(target.join("frames/marked.png"), "precious").unwrap();
+        run(&["frames/00.png"]);
+        assert_eq!(fs::read_to_string(target.join("notes.txt")).unwrap(), "precious");
+        assert_eq!(fs::read_to_string(target.join("frames/marked.png")).unwrap(), "precious");
+        assert!(!target.join("frames/01.png").exists(), "a frame that the new run does not have");
+        // And again: what was kept is still no file of the run.
+        run(&[]);
+        assert!(target.join("notes.txt").exists() && !target.join("frames/00.png").exists());
     }
 
     #[test]

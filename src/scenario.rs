@@ -1,64 +1,60 @@
 //! Everything that a trial depends on, as resolved: the content of scenario.json, and its hash.
 
-use std::fmt::Write as _;
-use std::path::{Path, PathBuf};
+use std::path::Path;
+use std::sync::Arc;
 
 use anyhow::{Context, Result};
+use grip_manip::grasp::GraspSet;
 use grip_sim::mesh::Visual;
 use grip_sim::objects::ObjectModel;
 use grip_sim::robot::RobotModel;
 use serde_json::{Value, json};
 use sha2::{Digest, Sha256};
 
-use crate::cli;
-use crate::perceive::Perception;
+use crate::estimators::Estimator;
 use crate::setup::Setup;
 
 /// Version of scenario.json.
-const SCHEMA: &str = "grip.scenario/2";
-
-/// What a run of trials has in common beside scene, condition and seed.
-#[derive(Debug, Clone)]
-pub struct Options {
-    /// Whether grasps are scored at the best pose or over the posterior.
-    pub grasp_at: cli::GraspAt,
-    /// The folder of grasp files.
-    pub grasps: Option<PathBuf>,
-    /// Who draws: `wgpu` or `cpu`.
-    pub renderer: &'static str,
-}
+const SCHEMA: &str = "grip.scenario/3";
 
 /// The inputs of a trial.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Scenario(Value);
 
 impl Scenario {
-    /// Of a trial with `items` of the setup's objects to be packed.
+    /// Of a trial with `items` of the setup's objects to be packed, by a planner whose grasps are from the folder `grasps` if
+    /// there is one. `renderer` draws: `wgpu` or `cpu`.
     ///
     /// # Errors
     /// When a file of grasps cannot be read.
-    pub fn new(setup: &Setup, perception: &Perception, items: usize, options: &Options) -> Result<Self> {
+    pub fn new(
+        setup: &Setup,
+        estimator: &Estimator,
+        items: usize,
+        grasps: Option<&Path>,
+        renderer: &str,
+    ) -> Result<Self> {
         let objects: Vec<Value> = setup.models.iter().map(|model| object(model)).collect();
-        let grasps = match &options.grasps {
+        let grasps = match grasps {
             Some(folder) => json!({ "path": folder, "sha256": grasps_digest(folder, &setup.models)? }),
             None => Value::Null,
         };
         Ok(Self(json!({
             "schema": SCHEMA,
-            "program": env!("CARGO_PKG_VERSION"),
+            "program": program(),
             "seed": setup.seed,
-            "estimator": perception.description(),
+            "estimator": estimator.description(),
             "grasps": grasps,
-            "grasp_at": format!("{:?}", options.grasp_at).to_lowercase(),
             "items": items,
             "object_set": setup.library.set().label(),
-            "renderer": options.renderer,
+            "renderer": renderer,
             "hypotheses": setup.hypotheses.to_string(),
             "robot": robot(setup),
             "objects": objects,
-            "intrinsics": setup.intrinsics,
+            "intrinsics": setup.camera.intrinsics,
             "condition": setup.condition,
-            "scene": setup.scene,
+            "scene": setup.cell.scene,
+            "settings": *setup.settings,
         })))
     }
 
@@ -67,8 +63,9 @@ impl Scenario {
         &self.0
     }
 
-    /// SHA-256 over everything but the paths of files, whose content counts instead. Trials of one program with the same hash
-    /// have the same result on the same kind of machine.
+    /// SHA-256 over everything but the paths of files, whose content counts instead: scene, condition, objects, robot,
+    /// estimator, settings, seed and the program (version, commit, target). Trials with the same hash have the same result on
+    /// the same kind of machine.
     pub fn hash(&self) -> String {
         let mut value = self.0.clone();
         for file in ["robot", "grasps", "estimator"] {
@@ -85,6 +82,16 @@ impl Scenario {
     }
 }
 
+/// The program: version, the commit it was built from, target and the processor's features that it was built for.
+pub fn program() -> Value {
+    json!({
+        "version": env!("CARGO_PKG_VERSION"),
+        "commit": env!("GRIP_COMMIT"),
+        "target": env!("GRIP_TARGET"),
+        "target_features": env!("GRIP_TARGET_FEATURES"),
+    })
+}
+
 /// What is known of an object, and the digest of its shape and looks.
 pub fn object(model: &ObjectModel) -> Value {
     json!({ "info": model.info, "sha256": mesh_digest(model) })
@@ -93,19 +100,16 @@ pub fn object(model: &ObjectModel) -> Value {
 /// The robot: its name, where it was read, and digests of what is in it.
 pub fn robot(setup: &Setup) -> Value {
     json!({
-        "name": setup.robot.name(),
-        "path": setup.robot.source(),
-        "sha256": robot_digest(&setup.robot),
-        "settings": format!("{:?}", setup.config),
+        "name": setup.cell.robot.name(),
+        "path": setup.cell.robot.source(),
+        "sha256": robot_digest(&setup.cell.robot),
+        "config_sha256": hex(&Sha256::digest(format!("{:?}", setup.cell.config))),
     })
 }
 
 /// Bytes as text.
 pub fn hex(bytes: &[u8]) -> String {
-    bytes.iter().fold(String::new(), |mut text, byte| {
-        let _ = write!(text, "{byte:02x}");
-        text
-    })
+    bytes.iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
 /// Of an object's shape and looks; its other properties are written out.
@@ -147,10 +151,10 @@ fn add_visual(hasher: &mut Sha256, visual: &Visual) {
     }
 }
 
-fn grasps_digest(folder: &Path, models: &[std::sync::Arc<ObjectModel>]) -> Result<String> {
+fn grasps_digest(folder: &Path, models: &[Arc<ObjectModel>]) -> Result<String> {
     let mut hasher = Sha256::new();
     for model in models {
-        let path = folder.join(grip_manip::grasp_set::file_name(&model.info.name));
+        let path = folder.join(GraspSet::file_name(&model.info.name));
         let bytes = std::fs::read(&path).with_context(|| format!("{}: cannot be read", path.display()))?;
         hasher.update(&model.info.name);
         hasher.update(bytes);
@@ -161,34 +165,32 @@ fn grasps_digest(folder: &Path, models: &[std::sync::Arc<ObjectModel>]) -> Resul
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::cli::{Cli, Command};
-    use clap::Parser;
+    use crate::settings::Settings;
+    use crate::setup::SetupOptions;
 
-    fn hash(args: &[&str], change: impl Fn(&mut Setup)) -> String {
-        let Command::Pack(args) = Cli::parse_from([&["grip", "pack"], args].concat()).command else {
-            unreachable!()
-        };
-        let mut setup = Setup::load(&args.scene, &args.condition).unwrap();
+    fn hash_of(options: SetupOptions, estimator: &Estimator, change: impl Fn(&mut Setup)) -> String {
+        let mut setup = Setup::load(&options).unwrap();
         change(&mut setup);
-        let options = Options { grasp_at: args.grasp_at, grasps: None, renderer: "cpu" };
-        let perception =
-            Perception::open(&setup, &args.estimator, cli::Detector::None, &args.network).unwrap();
-        Scenario::new(&setup, &perception, 5, &options).unwrap().hash()
+        Scenario::new(&setup, estimator, 5, None, "cpu").unwrap().hash()
+    }
+
+    fn changed(change: impl Fn(&mut Setup)) -> String {
+        hash_of(SetupOptions::default(), &Estimator::Truth, change)
     }
 
     #[test]
     fn the_hash_tells_inputs_apart_and_not_where_they_lie() {
-        let plain = hash(&[], |_| ());
-        assert_eq!(plain, hash(&["--seed", "1"], |_| ()));
-        let elsewhere = |setup: &mut Setup| setup.scene.robot.urdf = "/elsewhere/fetch.urdf".into();
-        assert_eq!(plain, hash(&[], elsewhere));
+        let plain = changed(|_| ());
+        assert_eq!(plain, changed(|_| ()));
+        assert_eq!(plain, changed(|setup| setup.cell.scene.robot.urdf = "/elsewhere/fetch.urdf".into()));
+        let with = |options| hash_of(options, &Estimator::Truth, |_| ());
+        let slip = Settings::parse("[success]\nslip_m = 0.01").unwrap();
         let others = [
-            hash(&["--seed", "2"], |_| ()),
-            hash(&["--condition", "dark"], |_| ()),
-            hash(&["--estimator", "truth"], |_| ()),
-            hash(&["--grasp-at", "best"], |_| ()),
-            hash(&[], |setup| setup.scene.table.friction += 0.01),
-            hash(&[], |setup| {
+            with(SetupOptions { seed: 2, ..SetupOptions::default() }),
+            with(SetupOptions { condition: "dark".into(), ..SetupOptions::default() }),
+            with(SetupOptions { settings: Arc::new(slip), ..SetupOptions::default() }),
+            changed(|setup| setup.cell.scene.table.friction += 0.01),
+            changed(|setup| {
                 let mut model = (*setup.models[0]).clone();
                 let mut visual = (*model.visual).clone();
                 let mut mesh = (*visual.mesh).clone();
@@ -201,5 +203,11 @@ mod tests {
         for (i, other) in others.iter().enumerate() {
             assert_ne!(&plain, other, "{i}");
         }
+        let mut setup = Setup::load(&SetupOptions::default()).unwrap();
+        let scenario = Scenario::new(&setup, &Estimator::Truth, 5, None, "cpu").unwrap();
+        assert_eq!(scenario.json()["program"]["version"], env!("CARGO_PKG_VERSION"));
+        assert_eq!(scenario.json()["settings"]["success"]["slip_m"], 0.02);
+        setup.seed = 3;
+        assert_ne!(scenario, Scenario::new(&setup, &Estimator::Truth, 5, None, "cpu").unwrap());
     }
 }

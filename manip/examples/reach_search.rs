@@ -10,8 +10,7 @@ use std::sync::Arc;
 
 use grip_manip::belief::{BeliefScene, BinGeometry, bin_fixtures};
 use grip_manip::collision::RobotSolids;
-use grip_manip::ik::IkSolver;
-use grip_manip::reach::{ReachParams, reach_score};
+use grip_manip::motion::{IkSolver, ReachParams, reach_score};
 use grip_sim::pose::Pose;
 use grip_sim::robot::{RobotConfig, RobotModel};
 use grip_sim::shape::{CollisionShape, Convex};
@@ -32,14 +31,7 @@ fn scene(table_height: f64, bin_xy: [f64; 2], bin_yaw: f64) -> BeliefScene {
         geometry: Convex::Cuboid { half: Vector3::new(0.30, 0.60, 0.02) },
     }];
     fixtures.extend(bin_fixtures(&bin, WALL));
-    BeliefScene {
-        fixtures,
-        table_height,
-        bin,
-        objects: Vec::new(),
-        seen: Vec::new(),
-        world_from_base: Pose::identity(),
-    }
+    BeliefScene::new(fixtures, table_height, bin, Pose::identity())
 }
 
 fn main() -> Result<(), Box<dyn Error>> {

@@ -19,6 +19,14 @@ pub struct BinGeometry {
     pub wall_height: f64,
 }
 
+impl BinGeometry {
+    /// A bin whose inner floor has its centre at `world_from_bin` (z up), `inner` metres along its x and y, with walls
+    /// `wall_height` metres above that floor.
+    pub fn new(world_from_bin: Pose<World, World>, inner: [f64; 2], wall_height: f64) -> Self {
+        Self { world_from_bin, inner, wall_height }
+    }
+}
+
 /// An object as estimated.
 #[derive(Debug, Clone)]
 pub struct BelievedObject {
@@ -38,6 +46,44 @@ pub struct BelievedObject {
     pub packed: bool,
 }
 
+impl BelievedObject {
+    /// An object of which one pose is known, exactly and for sure; it waits to be packed, and is named after its model.
+    pub fn new(model: Arc<ObjectModel>, world_from_object: Pose<World, Object>) -> Self {
+        Self {
+            name: model.info.name.clone(),
+            model,
+            world_from_object,
+            poses: Vec::new(),
+            position_std_m: 0.0,
+            confidence: 1.0,
+            packed: false,
+        }
+    }
+
+    /// What makes it unusable, if anything.
+    fn problem(&self) -> Option<String> {
+        let name = &self.name;
+        if !self.world_from_object.is_finite() {
+            return Some(format!("{name}: world_from_object is not finite"));
+        }
+        if !(self.position_std_m >= 0.0 && self.position_std_m.is_finite()) {
+            return Some(format!(
+                "{name}: position_std_m is {}, which is no spread in metres; leave out what was not located",
+                self.position_std_m
+            ));
+        }
+        // A sum of weights may miss 1 by a rounding.
+        if !(-1e-9..=1.0 + 1e-9).contains(&self.confidence) {
+            return Some(format!("{name}: confidence is {}, not within 0 to 1", self.confidence));
+        }
+        let usable = |(pose, weight): &(Pose<World, Object>, f64)| {
+            pose.is_finite() && *weight >= 0.0 && weight.is_finite()
+        };
+        let k = self.poses.iter().position(|pose| !usable(pose))?;
+        Some(format!("{name}: poses[{k}] is not finite, or its weight {} is no weight", self.poses[k].1))
+    }
+}
+
 /// Everything that a plan depends on besides the robot.
 #[derive(Debug, Clone)]
 pub struct BeliefScene {
@@ -49,13 +95,32 @@ pub struct BeliefScene {
     pub bin: BinGeometry,
     /// The objects, packed or not.
     pub objects: Vec<BelievedObject>,
-    /// What was seen and is nothing of the above: points of the world on a grid of a centimetre, metres ([`crate::seen`]).
-    pub seen: Vec<Point3<f64>>,
+    /// Obstacles that are none of the above: points of the world on a grid of a centimetre, metres
+    /// ([`crate::collision::unmodelled_obstacles`]).
+    pub unmodelled: Vec<Point3<f64>>,
     /// Where the robot stands.
     pub world_from_base: Pose<World, Base>,
 }
 
 impl BeliefScene {
+    /// A scene without objects: the robot at `world_from_base`, a table whose surface is `table_height` metres high, `bin`, and
+    /// what does not move. `fixtures` are to hold the solids of table and bin ([`bin_fixtures`]) too: they are what the robot
+    /// keeps clear of.
+    pub fn new(
+        fixtures: Vec<CollisionShape>,
+        table_height: f64,
+        bin: BinGeometry,
+        world_from_base: Pose<World, Base>,
+    ) -> Self {
+        Self { fixtures, table_height, bin, objects: Vec::new(), unmodelled: Vec::new(), world_from_base }
+    }
+
+    /// Solids alone, in the robot's base frame, for motions that place nothing: the bin is of no account.
+    pub fn without_bin(fixtures: Vec<CollisionShape>) -> Self {
+        let bin = BinGeometry { world_from_bin: Pose::identity(), inner: [1.0, 1.0], wall_height: 0.0 };
+        Self::new(fixtures, 0.0, bin, Pose::identity())
+    }
+
     /// What makes this belief unusable, if anything: a number that is not finite or an extent that is not positive.
     pub fn problem(&self) -> Option<String> {
         let bin = &self.bin;
@@ -74,16 +139,10 @@ impl BeliefScene {
         }) {
             return Some("a fixture's pose is not finite".into());
         }
-        if self.seen.iter().any(|p| !p.coords.iter().all(|v| v.is_finite())) {
-            return Some("a point of what was seen is not finite".into());
+        if self.unmodelled.iter().any(|p| !p.coords.iter().all(|v| v.is_finite())) {
+            return Some("a point of the unmodelled obstacles is not finite".into());
         }
-        self.objects
-            .iter()
-            .find(|o| {
-                let poses = o.poses.iter().all(|(pose, weight)| pose.is_finite() && weight.is_finite());
-                !o.world_from_object.is_finite() || !o.position_std_m.is_finite() || !poses
-            })
-            .map(|o| format!("{}: its pose or spread is not finite", o.name))
+        self.objects.iter().find_map(BelievedObject::problem)
     }
 }
 
@@ -104,4 +163,34 @@ pub fn bin_fixtures(bin: &BinGeometry, thickness: f64) -> Vec<CollisionShape> {
         part([0.0, y + t, h], [x, t, h]),
         part([0.0, -y - t, h], [x, t, h]),
     ]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::testing::{box_model, empty_scene};
+
+    #[test]
+    fn what_is_not_a_belief_is_refused_by_name_and_value() {
+        let mut scene = empty_scene();
+        let at = Pose::from_xyz_rpy([0.6, 0.0, 0.7], [0.0; 3]);
+        scene.objects = vec![BelievedObject::new(box_model("brick", [0.05; 3]), at)];
+        assert_eq!(scene.problem(), None);
+        let problem = |change: &dyn Fn(&mut BelievedObject)| {
+            let mut scene = scene.clone();
+            change(&mut scene.objects[0]);
+            scene.problem().unwrap()
+        };
+        // An estimate without a spread is no belief: nobody knows where the object is.
+        let said = problem(&|o| o.position_std_m = f64::INFINITY);
+        assert!(said.contains("brick") && said.contains("position_std_m is inf"), "{said}");
+        let said = problem(&|o| o.position_std_m = -0.1);
+        assert!(said.contains("position_std_m is -0.1"), "{said}");
+        let said = problem(&|o| o.confidence = f64::NAN);
+        assert!(said.contains("confidence is NaN"), "{said}");
+        let said = problem(&|o| o.poses = vec![(at, 1.0), (at, -0.5)]);
+        assert!(said.contains("poses[1]") && said.contains("-0.5"), "{said}");
+        let said = problem(&|o| o.world_from_object = Pose::from_xyz_rpy([f64::NAN, 0.0, 0.7], [0.0; 3]));
+        assert!(said.contains("world_from_object"), "{said}");
+    }
 }

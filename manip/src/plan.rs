@@ -4,8 +4,8 @@ use grip_sim::pose::{Object, Pose, World};
 use serde::{Deserialize, Serialize};
 
 use crate::grasp::{Grasp, GraspCounters};
+use crate::motion::Trajectory;
 use crate::place::PlacePose;
-use crate::timing::Trajectory;
 
 /// What the gripper is told.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]

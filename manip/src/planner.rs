@@ -5,25 +5,23 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use grip_sim::frame::CameraFrame;
-use grip_sim::objects::ObjectModel;
+use grip_sim::objects::{ObjectInfo, ObjectModel};
 use grip_sim::robot::{RobotConfig, RobotModel};
 use nalgebra::{Point3, Vector3};
 use rand_chacha::ChaCha8Rng;
 
 use crate::belief::BeliefScene;
-use crate::cartesian::{CartesianPath, glide, translate};
-use crate::collision::{CollisionChecker, Held, Margins, Query, RobotSolids};
-use crate::edge::EdgeCheck;
-use crate::grasp::{GraspCache, ObjectGrasps};
-use crate::grasp_set::{GraspSetError, read_poses};
-use crate::ik::IkSolver;
+use crate::collision::{
+    CollisionChecker, CollisionQuery, HeldObject, Margins, RobotSolids, unmodelled_obstacles,
+};
+use crate::grasp::{Grasp, GraspCache, GraspSetError, ObjectGrasps, grip_force, read_poses};
+use crate::motion::{
+    CartesianPath, IkSolver, JointSpace, MotionLimits, SearchStatus, SegmentCheck, SmoothPath, Trajectory,
+    Validity, glide, rrt_connect, shortcut, time_path, translate,
+};
+use crate::order::pick_order;
 use crate::plan::{PlanCounters, PlanFailure, PlanStage};
-use crate::rrt::{SearchStatus, Validity, rrt_connect, shortcut};
-use crate::seen::{SeenSettings, unexplained};
 use crate::settings::PlannerSettings;
-use crate::smooth::SmoothPath;
-use crate::space::JointSpace;
-use crate::timing::{MotionLimits, Trajectory, time_path};
 
 /// Plans motions, picks and places of one robot. Immutable but for a cache of grasps, and shared between threads.
 #[derive(Debug)]
@@ -35,17 +33,20 @@ pub struct Planner {
     pub(crate) cache: GraspCache,
 }
 
-/// Nearer than this to something, a way out is looked for, metres; how long it is at most, and its waypoints' distance.
-const NARROW: f64 = 0.05;
-const WAY_OUT: f64 = 0.3;
+/// A measured joint may be so far beyond its limits, radians or metres.
+const BEYOND_LIMITS: f64 = 0.02;
+/// Distance of the waypoints of a way out, metres.
 const WAY_OUT_STEP: f64 = 0.02;
 /// Half of the way between two checks along an edge where the start leaves no margin, metres.
 const LEAST_STEP: f64 = 0.002;
 /// Waypoints of a straight motion used for its timing: every third, 15 mm apart.
 const THIN: usize = 3;
+/// Largest distance of its rounded corners from a straight motion, norm of joint values.
+const STRAIGHT_CORNER: f64 = 0.01;
 
 impl Planner {
-    /// Prepares a planner; covering the robot with balls takes some 20 ms of it.
+    /// Prepares a planner; covering the robot with balls takes some 20 ms of it. With settings out of their range
+    /// ([`PlannerSettings::problem`]) every plan fails with [`PlanStage::Input`] and says which.
     pub fn new(model: Arc<RobotModel>, config: Arc<RobotConfig>, settings: PlannerSettings) -> Self {
         let robot = Arc::new(RobotSolids::new(model, &config));
         Self {
@@ -84,7 +85,7 @@ impl Planner {
         q_from: &[f64],
         q_to: &[f64],
         belief: &BeliefScene,
-        held: Option<&Held>,
+        held: Option<&HeldObject>,
         seed: u64,
     ) -> Result<Trajectory, PlanFailure> {
         let clock = Instant::now();
@@ -121,7 +122,7 @@ impl Planner {
         self.cache.get(model, &self.robot, &self.config.gripper, settings)
     }
 
-    /// Grasps `model` as a file says ([`crate::grasp_set`]). Returns how many of its grasps hold the object, and of how many.
+    /// Grasps `model` as a file says ([`crate::grasp::GraspSet`]). Returns how many of its grasps hold the object, and of how many.
     ///
     /// # Errors
     /// When the file cannot be used, or none of its grasps holds the object.
@@ -140,10 +141,28 @@ impl Planner {
         Ok([held, poses.len()])
     }
 
-    /// What of a frame nothing in `belief` explains, the robot standing at `q` (all movable joints): see [`crate::seen`].
-    pub fn unexplained(&self, belief: &BeliefScene, frame: &CameraFrame, q: &[f64]) -> Vec<Point3<f64>> {
+    /// What of a frame nothing in `belief` explains, the robot standing at `q` (all movable joints): points of the world for
+    /// [`BeliefScene::unmodelled`].
+    pub fn unmodelled_obstacles(
+        &self,
+        belief: &BeliefScene,
+        frame: &CameraFrame,
+        q: &[f64],
+    ) -> Vec<Point3<f64>> {
         let checker = CollisionChecker::new(self.robot.clone(), belief);
-        unexplained(frame.points(), belief, &checker, q, &SeenSettings::default())
+        unmodelled_obstacles(frame.points(), belief, &checker, q, &self.settings.unmodelled)
+    }
+
+    /// The order in which to pick the belief's objects that are not packed yet: see [`crate::order::pick_order`].
+    pub fn pick_order(&self, belief: &BeliefScene) -> Vec<Vec<usize>> {
+        pick_order(belief, &self.settings.order)
+    }
+
+    /// Force of each finger on an object in a grasp, newtons: see [`crate::grasp::grip_force`].
+    pub(crate) fn grip_force(&self, info: &ObjectInfo, grasp: &Grasp) -> f64 {
+        let antipodal = &self.settings.grasp.antipodal;
+        let max_force = self.config.gripper.max_force;
+        grip_force(info, grasp.lever, antipodal.pad_friction, max_force, &self.settings.grip_force)
     }
 
     pub(crate) fn check_input(
@@ -151,9 +170,10 @@ impl Planner {
         belief: &BeliefScene,
         configurations: &[&[f64]],
     ) -> Result<(), (PlanStage, String)> {
-        let problem = belief
-            .problem()
-            .or_else(|| configurations.iter().find_map(|q| self.robot.model.problem_with(q, 0.02)));
+        let in_settings = self.settings.problem().map(|problem| format!("settings: {problem}"));
+        let problem = in_settings
+            .or_else(|| belief.problem())
+            .or_else(|| configurations.iter().find_map(|q| self.robot.model.problem_with(q, BEYOND_LIMITS)));
         match problem {
             Some(problem) => Err((PlanStage::Input, problem)),
             None => Ok(()),
@@ -178,7 +198,7 @@ impl Planner {
     pub(crate) fn search(
         &self,
         checker: &CollisionChecker,
-        held: Option<&Held>,
+        held: Option<&HeldObject>,
         q: &[f64],
         goals: &[Vec<f64>],
         counters: &mut PlanCounters,
@@ -192,29 +212,29 @@ impl Planner {
             q = escape.end().to_vec();
         }
         let space = self.solver.space(held.map_or(0.0, |h| h.extent));
-        let query = Query { held, allowed: &[], margins };
+        let query = CollisionQuery { held, allowed: &[], margins };
         // Between two checks nothing comes nearer than the margin, where there is one.
         let step = 2.0 * margins.world.max(LEAST_STEP);
-        let edges = EdgeCheck::new(checker, query, &space, &self.solver, &q, step);
-        let from = self.way_out(checker, &query, &space, &edges, &q);
+        let segments = SegmentCheck::new(checker, query, &space, &self.solver, &q, step);
+        let from = self.way_out(checker, &query, &space, &segments, &q);
         let goals: Vec<Vec<Vec<f64>>> =
-            goals.iter().map(|goal| self.way_out(checker, &query, &space, &edges, goal)).collect();
-        let found = rrt_connect(&space, &edges, &from, &goals, &self.settings.rrt, rng);
+            goals.iter().map(|goal| self.way_out(checker, &query, &space, &segments, goal)).collect();
+        let found = rrt_connect(&space, &segments, &from, &goals, &self.settings.rrt, rng);
         counters.searches += 1;
         counters.iterations += found.iterations;
         let result = match found.status {
             SearchStatus::Solved => {
-                let path = shortcut(&space, &edges, &found.path, &self.settings.rrt, rng);
-                let share = if held.is_some() { self.settings.holding } else { 1.0 };
+                let path = shortcut(&space, &segments, &found.path, &self.settings.rrt, rng);
+                let share = if held.is_some() { self.settings.speed.holding_share } else { 1.0 };
                 let limits = self.limits().scaled(share, share);
-                // On the way out of a tight start there is less room than edges ask for; its short pieces hardly stray.
+                // On the way out of a tight start there is less room than the search asks for; its short pieces hardly stray.
                 let escaped = head.len();
                 let mut points = head;
                 points.extend_from_slice(&path[1..]);
-                let rounded = SmoothPath::round(&points, self.settings.corner, &[], |corner, a, b| {
-                    corner + 1 < escaped || edges.motion_free(a, b)
+                let rounded = SmoothPath::round(&points, self.settings.speed.corner, &[], |corner, a, b| {
+                    corner + 1 < escaped || segments.motion_free(a, b)
                 });
-                Ok(time_path(self.solver.joints(), &points[0], &rounded, &limits, self.settings.dt))
+                Ok(time_path(self.solver.joints(), &points[0], &rounded, &limits, self.settings.speed.dt))
             }
             SearchStatus::InvalidStart => {
                 Err((PlanStage::StartInCollision, self.explain(checker, &q, &query, "the start")))
@@ -231,7 +251,7 @@ impl Planner {
                 format!("no path within {} iterations and {} nodes", found.iterations, found.nodes),
             )),
         };
-        counters.checks += edges.checks();
+        counters.checks += segments.checks();
         result
     }
 
@@ -240,26 +260,29 @@ impl Planner {
     pub(crate) fn way_out(
         &self,
         checker: &CollisionChecker,
-        query: &Query<'_>,
+        query: &CollisionQuery<'_>,
         space: &JointSpace,
-        edges: &EdgeCheck<'_>,
+        segments: &SegmentCheck<'_>,
         q: &[f64],
     ) -> Vec<Vec<f64>> {
+        let near = self.settings.way_out_near;
         let mut chain = vec![self.solver.gather(q)];
-        if checker.clearance(q, query, NARROW) >= NARROW {
+        if checker.clearance(q, query, near) >= near {
             return chain;
         }
         let gripper = self.robot.model.fk_link(q, self.robot.gripper);
         let ways = [gripper.rotation * -Vector3::x(), Vector3::z()];
         let longest = ways
             .map(|way| {
-                glide(&self.solver, q, &(way * WAY_OUT), WAY_OUT_STEP, |q| checker.in_collision(q, query))
+                glide(&self.solver, q, &(way * self.settings.way_out_length), WAY_OUT_STEP, |q| {
+                    checker.in_collision(q, query)
+                })
             })
             .into_iter()
             .max_by_key(Vec::len);
         for q in longest.iter().flatten().skip(1) {
             let next = space.unwrap_near(&chain[chain.len() - 1], &self.solver.gather(q));
-            if !space.within_limits(&next) || !edges.motion_free(&chain[chain.len() - 1], &next) {
+            if !space.within_limits(&next) || !segments.motion_free(&chain[chain.len() - 1], &next) {
                 break;
             }
             chain.push(next);
@@ -267,7 +290,13 @@ impl Planner {
         chain
     }
 
-    fn explain(&self, checker: &CollisionChecker, q: &[f64], query: &Query<'_>, what: &str) -> String {
+    fn explain(
+        &self,
+        checker: &CollisionChecker,
+        q: &[f64],
+        query: &CollisionQuery<'_>,
+        what: &str,
+    ) -> String {
         match checker.in_collision(q, query) {
             Some(pair) => format!("{what} is in collision: {}", checker.describe(pair)),
             None => format!("{what} is outside the joint limits"),
@@ -278,11 +307,12 @@ impl Planner {
     fn leave_start(
         &self,
         checker: &CollisionChecker,
-        held: Option<&Held>,
+        held: Option<&HeldObject>,
         q: &[f64],
     ) -> Result<(Margins, Option<CartesianPath>), (PlanStage, String)> {
-        let mut margins = self.settings.free;
-        let collisions = |margins: Margins| checker.collisions(q, &Query { held, allowed: &[], margins });
+        let mut margins = self.settings.free_margins;
+        let collisions =
+            |margins: Margins| checker.collisions(q, &CollisionQuery { held, allowed: &[], margins });
         let mut close = collisions(margins);
         if close.is_empty() {
             return Ok((margins, None));
@@ -295,8 +325,8 @@ impl Planner {
         }
         let gripper = self.robot.model.fk_link(q, self.robot.gripper);
         let back = gripper.rotation * -Vector3::x();
-        let query = Query { held, allowed: &close, margins: self.settings.near };
-        let clear = Query { held, allowed: &[], margins };
+        let query = CollisionQuery { held, allowed: &close, margins: self.settings.near_margins };
+        let clear = CollisionQuery { held, allowed: &[], margins };
         for way in [Vector3::z() * 0.05, back * 0.05, Vector3::z() * 0.12, back * 0.12] {
             let path = translate(&self.solver, q, way, |_, q| checker.in_collision(q, &query));
             if let Ok(path) = path
@@ -322,9 +352,9 @@ impl Planner {
         let of = |f: fn(&grip_sim::robot::PlanningLimits) -> f64| {
             self.solver.joints().iter().map(|&j| f(&self.config.limits[j])).collect()
         };
-        let [velocity, acceleration] = self.settings.effort;
+        let speed = &self.settings.speed;
         MotionLimits { velocity: of(|l| l.velocity), acceleration: of(|l| l.acceleration) }
-            .scaled(velocity, acceleration)
+            .scaled(speed.velocity_share, speed.acceleration_share)
     }
 
     /// Times a straight motion so that the gripper keeps below `speed` m/s.
@@ -341,9 +371,9 @@ impl Planner {
                 if tool > 1e-9 { speed * joint.sqrt() / tool } else { f64::INFINITY }
             })
             .collect();
-        let share = if holding { self.settings.holding } else { 1.0 };
+        let share = if holding { self.settings.speed.holding_share } else { 1.0 };
         let limits = self.limits().scaled(share, share);
-        let rounded = SmoothPath::round(&points, 0.01, &rates, |_, _, _| true);
-        time_path(self.solver.joints(), &points[0], &rounded, &limits, self.settings.dt)
+        let rounded = SmoothPath::round(&points, STRAIGHT_CORNER, &rates, |_, _, _| true);
+        time_path(self.solver.joints(), &points[0], &rounded, &limits, self.settings.speed.dt)
     }
 }

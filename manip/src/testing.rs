@@ -120,7 +120,7 @@ pub(crate) fn empty_scene() -> BeliefScene {
         table_height,
         bin,
         objects: Vec::new(),
-        seen: Vec::new(),
+        unmodelled: Vec::new(),
         world_from_base: Pose::identity(),
     }
 }

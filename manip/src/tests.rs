@@ -7,9 +7,9 @@ use grip_sim::shape::{CollisionShape, Convex};
 use nalgebra::{Isometry3, Vector3};
 
 use crate::belief::BeliefScene;
-use crate::collision::{Body, CollisionChecker, CollisionPair, Held, Margins, Query};
+use crate::collision::{CollisionBody, CollisionChecker, CollisionPair, CollisionQuery, HeldObject, Margins};
 use crate::grasp::{Grasp, GraspSettings, hand_may_touch, rank_grasps};
-use crate::pick::{Care, settled};
+use crate::pick::{Risk, snapped_to_table};
 use crate::plan::{Action, PickPlacePlan, PlanStage, StepName};
 use crate::planner::Planner;
 use crate::settings::PlannerSettings;
@@ -30,7 +30,7 @@ fn ready() -> Vec<f64> {
 
 fn plan(belief: &BeliefScene, target: usize, seed: u64) -> PickPlacePlan {
     planner()
-        .plan_pick_place(belief, target, &ready(), Care::Bold, seed)
+        .plan_pick_place(belief, target, &ready(), Risk::Tolerant, seed)
         .unwrap_or_else(|e| panic!("{:?} {e} {:?}", e.stage, e.counters))
 }
 
@@ -54,7 +54,11 @@ fn no_finger_closes_on_a_wall_that_is_between_it_and_the_object() {
     belief.fixtures.push(wall);
     let checker = CollisionChecker::new(planner.robot().clone(), &belief);
     let touch = hand_may_touch(planner.robot(), 0);
-    let query = Query { held: None, allowed: &touch, margins: Margins { world: 0.0, own: 0.0, spread: 0.0 } };
+    let query = CollisionQuery {
+        held: None,
+        allowed: &touch,
+        margins: Margins { world: 0.0, own: 0.0, spread: 0.0 },
+    };
     let base_from_world = belief.world_from_base.iso().inverse();
     let meets = |grasp: &Grasp| {
         let at = base_from_world * grasp.world_from_gripper.iso();
@@ -116,13 +120,13 @@ fn every_grocery_gets_a_plan_whose_motions_meet_and_respect_all_limits() {
 /// Replays a plan at the resolution of its control points with smaller margins than it was planned with.
 #[test]
 fn plans_are_free_of_collision_at_every_control_point() {
-    let belief = settled(&groceries(), 0.015);
+    let belief = snapped_to_table(&groceries(), 0.015);
     let planner = planner();
     let checker = CollisionChecker::new(planner.robot().clone(), &belief);
     for target in 0..belief.objects.len() {
         let plan = plan(&belief, target, 2);
         let model = &belief.objects[target].model;
-        let held = Held::new(model, target, *plan.grasp.object_from_gripper.inverse().iso());
+        let held = HeldObject::new(model, target, *plan.grasp.object_from_gripper.inverse().iso());
         let touch = crate::grasp::hand_may_touch(planner.robot(), target);
         let mut q = ready();
         let mut opening = plan.grasp.opening;
@@ -139,7 +143,7 @@ fn plans_are_free_of_collision_at_every_control_point() {
                         let leaving = step.name == StepName::Lift && i < trajectory.points.len() / 4;
                         let near =
                             matches!(step.name, StepName::Approach | StepName::Retreat | StepName::Lift);
-                        let query = Query {
+                        let query = CollisionQuery {
                             held: (*holding && !leaving).then_some(&held),
                             allowed: if near { &touch } else { &[] },
                             margins: Margins { world: 0.0, own: 0.0, spread: 0.0 },
@@ -168,7 +172,7 @@ fn same_seed_same_plan() {
 fn failures_name_their_stage() {
     let mut belief = groceries();
     let fail = |belief: &BeliefScene, target| {
-        planner().plan_pick_place(belief, target, &ready(), Care::Bold, 0).unwrap_err().stage
+        planner().plan_pick_place(belief, target, &ready(), Risk::Tolerant, 0).unwrap_err().stage
     };
     assert_eq!(fail(&belief, 9), PlanStage::Input);
     let mut far = belief.clone();
@@ -187,20 +191,20 @@ fn failures_name_their_stage() {
 fn goes_home_from_the_end_of_a_plan() {
     let belief = groceries();
     let plan = plan(&belief, 0, 3);
-    let mut after = settled(&belief, 0.015);
+    let mut after = snapped_to_table(&belief, 0.015);
     after.objects[0].world_from_object = plan.place.world_from_object;
     after.objects[0].packed = true;
     let home = planner().plan_home(&after, &plan.end, &ready(), 3).unwrap();
     assert!(home.duration > 0.5);
     let goal = planner().solver().gather(&ready());
     for (k, (a, b)) in home.last().iter().zip(&goal).enumerate() {
-        assert!(crate::space::wrap(a - b).abs() < 1e-9, "joint {k}");
+        assert!(crate::motion::wrap(a - b).abs() < 1e-9, "joint {k}");
     }
 }
 
 #[test]
 fn a_configuration_collides_exactly_when_its_clearance_is_below_the_margin() {
-    let belief = settled(&groceries(), 0.015);
+    let belief = snapped_to_table(&groceries(), 0.015);
     let planner = planner();
     let checker = CollisionChecker::new(planner.robot().clone(), &belief);
     let space = planner.solver().space(0.0);
@@ -208,10 +212,15 @@ fn a_configuration_collides_exactly_when_its_clearance_is_below_the_margin() {
     let margin = 0.03;
     // Links may touch each other here: clearance knows the world only.
     let own: Vec<CollisionPair> = (0..planner.robot().model.links().len())
-        .flat_map(|a| (0..a).map(move |b| CollisionPair { a: Body::Link(a), b: Body::Link(b) }))
+        .flat_map(|a| {
+            (0..a).map(move |b| CollisionPair { a: CollisionBody::Link(a), b: CollisionBody::Link(b) })
+        })
         .collect();
-    let query =
-        Query { held: None, allowed: &own, margins: Margins { world: margin, own: 0.0, spread: 0.0 } };
+    let query = CollisionQuery {
+        held: None,
+        allowed: &own,
+        margins: Margins { world: margin, own: 0.0, spread: 0.0 },
+    };
     let mut q = ready();
     let (mut hits, mut near) = (0, 0);
     for _ in 0..600 {
@@ -258,7 +267,7 @@ fn most_random_scenes_have_a_plan_for_every_object() {
         let belief = random_scene(seed);
         for target in 0..belief.objects.len() {
             all += 1;
-            match planner().plan_pick_place(&belief, target, &ready(), Care::Bold, seed) {
+            match planner().plan_pick_place(&belief, target, &ready(), Risk::Tolerant, seed) {
                 Ok(plan) => {
                     plans += 1;
                     seconds += plan.counters.seconds;
@@ -289,24 +298,24 @@ fn eight_configurations_at_once_collide_when_one_of_them_does() {
     use crate::testing::box_model;
     use grip_sim::lanes::{F8, LANES};
     let mut belief = groceries();
-    // And a wall of points beside the table, seen and not recognised.
-    belief.seen = (0..600)
+    // And a wall of points beside the table, an unmodelled obstacle.
+    belief.unmodelled = (0..600)
         .map(|k| nalgebra::Point3::new(0.5 + 0.01 * f64::from(k % 30), 0.4, 0.7 + 0.01 * f64::from(k / 30)))
         .collect();
     let planner = planner();
     let (solver, robot) = (planner.solver(), planner.robot());
     let checker = CollisionChecker::new(robot.clone(), &belief);
     let crate_model = box_model("crate", [0.08, 0.05, 0.2]);
-    let held = Held::new(&crate_model, 1, nalgebra::Isometry3::translation(0.05, 0.0, 0.0));
+    let held = HeldObject::new(&crate_model, 1, nalgebra::Isometry3::translation(0.05, 0.0, 0.0));
     let allowed = crate::grasp::hand_may_touch(robot, 2);
     let mut rng = grip_sim::rng::stream(4, "batch");
     let space = solver.space(0.0);
     let mut q = ready();
     let mut counts = [0; 2];
-    let mut against_seen = 0;
+    let mut against_points = 0;
     for (held, margin) in [(None, 0.0), (Some(&held), 0.01)] {
         // Links are posed in single precision, and GJK in it ends within a thousandth of a distance.
-        let query = |more: f64| Query {
+        let query = |more: f64| CollisionQuery {
             held,
             allowed: &allowed,
             margins: Margins { world: margin + more, own: 0.5 * margin + more, spread: 0.5 },
@@ -328,13 +337,14 @@ fn eight_configurations_at_once_collide_when_one_of_them_does() {
                 assert!(if found { collides(3e-5) } else { !collides(-3e-5) }, "{found}: {group:?}");
                 counts[usize::from(found)] += 1;
                 let pairs = checker.collisions(&q, &exact);
-                against_seen += usize::from(!pairs.is_empty() && pairs.iter().all(|p| p.b == Body::Seen));
+                against_points +=
+                    usize::from(!pairs.is_empty() && pairs.iter().all(|p| p.b == CollisionBody::Unmodelled));
             }
             assert_eq!(batch.any_collides(&lanes), one_collides);
         }
     }
     assert!(counts.iter().all(|n| *n > 1000), "{counts:?}");
-    assert!(against_seen > 20, "{against_seen}: some meet nothing but the points");
+    assert!(against_points > 20, "{against_points}: some meet nothing but the points");
 }
 
 #[test]
@@ -344,8 +354,11 @@ fn a_way_out_of_a_narrow_place_is_free_and_leads_away() {
     let checker = CollisionChecker::new(planner.robot().clone(), &belief);
     let plan = plan(&belief, 1, 1);
     let Action::Move { trajectory, .. } = &plan.steps[2].action else { panic!("{:?}", plan.steps[2].name) };
-    let query =
-        Query { held: None, allowed: &[], margins: Margins { world: 0.001, own: 0.001, spread: 0.0 } };
+    let query = CollisionQuery {
+        held: None,
+        allowed: &[],
+        margins: Margins { world: 0.001, own: 0.001, spread: 0.0 },
+    };
     // Where the approach has come close, but not too close.
     let near = |q: &Vec<f64>| (0.004..0.02).contains(&checker.clearance(q, &query, 0.5));
     let on_the_way = trajectory.points.iter().rev().map(|point| {
@@ -355,7 +368,7 @@ fn a_way_out_of_a_narrow_place_is_free_and_leads_away() {
     });
     let q = on_the_way.into_iter().find(near).unwrap();
     let space = planner.solver().space(0.0);
-    let edges = crate::edge::EdgeCheck::new(&checker, query, &space, planner.solver(), &q, 0.002);
+    let edges = crate::motion::SegmentCheck::new(&checker, query, &space, planner.solver(), &q, 0.002);
     let chain = planner.way_out(&checker, &query, &space, &edges, &q);
     let clearance = |group: &[f64]| {
         let mut q = q.clone();
@@ -368,7 +381,7 @@ fn a_way_out_of_a_narrow_place_is_free_and_leads_away() {
 }
 
 #[test]
-fn what_is_wedged_in_is_lifted_only_boldly() {
+fn what_is_wedged_in_is_lifted_only_at_a_risk() {
     let mut belief = empty_scene();
     let (item, wall) = (box_model("item", [0.06, 0.04, 0.12]), box_model("wall", [0.04, 0.20, 0.10]));
     // A millimetre of overlap, as estimates have it.
@@ -377,13 +390,13 @@ fn what_is_wedged_in_is_lifted_only_boldly() {
         standing(&wall, 0.551, 0.0, 0.0),
         standing(&wall, 0.649, 0.0, 0.0),
     ];
-    let plan = |care| planner().plan_pick_place(&belief, 0, &ready(), care, 1);
-    let careful = plan(Care::Careful).unwrap_err();
-    assert_eq!(careful.stage, PlanStage::NoLift, "{careful}");
-    assert!(plan(Care::Bold).is_ok());
+    let plan = |risk| planner().plan_pick_place(&belief, 0, &ready(), risk, 1);
+    let averse = plan(Risk::Averse).unwrap_err();
+    assert_eq!(averse.stage, PlanStage::NoLift, "{averse}");
+    assert!(plan(Risk::Tolerant).is_ok());
     // Alone it is no risk at all.
     belief.objects.truncate(1);
-    assert!(planner().plan_pick_place(&belief, 0, &ready(), Care::Careful, 1).is_ok());
+    assert!(planner().plan_pick_place(&belief, 0, &ready(), Risk::Averse, 1).is_ok());
 }
 
 #[test]
@@ -395,7 +408,18 @@ fn a_poor_grasp_is_left_for_later() {
     let (model, config) = fetch();
     let planner = Planner::new(model, config, demanding);
     let belief = groceries();
-    let plan = |care| planner.plan_pick_place(&belief, 0, &ready(), care, 1);
-    assert_eq!(plan(Care::Careful).unwrap_err().stage, PlanStage::NoGrasp);
-    assert!(plan(Care::Bold).is_ok());
+    let plan = |risk| planner.plan_pick_place(&belief, 0, &ready(), risk, 1);
+    assert_eq!(plan(Risk::Averse).unwrap_err().stage, PlanStage::NoGrasp);
+    assert!(plan(Risk::Tolerant).is_ok());
+}
+
+#[test]
+fn settings_out_of_range_are_refused_by_name() {
+    let mut settings = PlannerSettings::default();
+    settings.rrt.step = f64::NAN;
+    let (model, config) = fetch();
+    let planner = Planner::new(model, config, settings);
+    let failure = planner.plan_pick_place(&groceries(), 0, &ready(), Risk::Averse, 1).unwrap_err();
+    assert_eq!(failure.stage, PlanStage::Input);
+    assert!(failure.reason.contains("rrt.step is NaN"), "{failure}");
 }

@@ -1,17 +1,16 @@
 //! Accuracy and time of the filter over random synthetic scenes. `cargo run --release -p grip-perception --example
-//! pose_accuracy -- [scenes] [gap in metres] [first seed] [key=value settings]
+//! pose_accuracy -- [scenes] [gap in metres] [first seed] [settings such as restarts.most=1]
 //! [builtin]`
 #![allow(missing_docs, clippy::unwrap_used, clippy::print_stdout)]
-
-#[path = "../tests/common/mod.rs"]
-mod common;
 
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use grip_perception::{Clusters, Detector, GripEstimator, GripSettings, PoseEstimator};
-use grip_sim::objects::{ObjectLibrary, ObjectSet};
+use grip_perception::{Clusters, Detector, GripEstimator, GripSettings, PoseEstimator, metrics};
+use grip_sim::objects::{ObjectLibrary, ObjectModel, ObjectSet};
+use grip_sim::pose::{Camera, Object, Pose};
 use grip_sim::rng;
+use grip_testkit::{data, frames};
 use rand::seq::SliceRandom;
 
 /// CPU time of this thread, seconds: wall time means nothing on a shared machine.
@@ -24,12 +23,13 @@ fn cpu() -> f64 {
 type Row = (f64, f64, f64, f64, f64);
 
 fn settings(arguments: &[String]) -> GripSettings {
-    let mut value = serde_json::to_value(GripSettings::default()).unwrap();
-    for a in arguments {
-        let (key, text) = a.split_once('=').unwrap();
-        value[key] = serde_json::from_str(text).unwrap();
-    }
-    serde_json::from_value(value).unwrap()
+    // Lines of a settings file: `restarts.most = 1`.
+    toml::from_str(&arguments.join("\n")).unwrap()
+}
+
+fn adds(model: &ObjectModel, truth: &Pose<Camera, Object>, estimate: &Pose<Camera, Object>) -> f64 {
+    let points = metrics::sample_points(&model.visual.mesh.positions, 1000);
+    metrics::adds(&points, truth, estimate)
 }
 
 fn main() {
@@ -41,13 +41,13 @@ fn main() {
     let gap: f64 = numbers.get(1).map_or(0.01, |a| a.parse().unwrap());
     // The scans where they are at hand, else the built-in models.
     let ids = [2, 3, 4, 5, 6, 9, 10, 12, 13, 14, 15, 17, 18, 21];
-    let scans = common::data("ycbv-real-frame/models").filter(|_| !arguments.iter().any(|a| a == "builtin"));
+    let scans = data::data("ycbv-real-frame/models").filter(|_| !arguments.iter().any(|a| a == "builtin"));
     let models: Vec<_> = match &scans {
-        Some(folder) => ids.map(|i| common::bop_object(folder, i)).to_vec(),
+        Some(folder) => ids.map(|i| data::bop_object(folder, i)).to_vec(),
         None => {
             let table = Path::new(env!("CARGO_MANIFEST_DIR")).join("../scenes/objects.toml");
             let library = ObjectLibrary::open(&table, ObjectSet::BuiltIn).unwrap();
-            ids.map(|i| library.load(common::NAMES[i - 1]).unwrap()).to_vec()
+            ids.map(|i| library.load(data::NAMES[i - 1]).unwrap()).to_vec()
         }
     };
     println!("models: {}", if scans.is_some() { "scans" } else { "built-in" });
@@ -63,7 +63,7 @@ fn main() {
         let mut chosen = models.clone();
         chosen.shuffle(&mut rng);
         let missing = chosen[5..7].to_vec();
-        let scene = common::scene(&chosen[..5], gap, &mut rng);
+        let scene = frames::scene(&chosen[..5], gap, &mut rng);
         let mut asked: Vec<_> = scene.placed.iter().map(|(m, _)| m.clone()).collect();
         asked.extend(missing);
         let start = cpu();
@@ -82,7 +82,7 @@ fn main() {
         for (i, p) in found.iter().enumerate() {
             match scene.placed.get(i) {
                 Some((model, truth)) => {
-                    let error = common::adds(model, truth, &p.best);
+                    let error = adds(model, truth, &p.best);
                     if error > 0.01 {
                         println!(
                             "  scene {n} {}: {:.1} mm score {:.3} confidence {:.2} restarts {}",

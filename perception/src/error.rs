@@ -31,13 +31,17 @@ pub enum Error {
         String,
     ),
     /// A setting out of its range.
-    #[error("setting {name} = {value}: {message}")]
-    Setting {
-        /// Field of the settings struct.
-        name: &'static str,
-        /// The value as given.
-        value: String,
-        /// Allowed range and what to try.
-        message: String,
+    #[error("setting {0}")]
+    Setting(
+        /// The field with the parts that hold it, its value and the allowed range.
+        String,
+    ),
+    /// A detection that is none.
+    #[error("detection of '{object}': {problem}")]
+    Detection {
+        /// The object's name.
+        object: String,
+        /// Which number, and what is allowed.
+        problem: String,
     },
 }

@@ -7,35 +7,47 @@
 //!    observed one and keeps what explains it: [`GripEstimator`] returns a [`PosePosterior`] for each object.
 //!    [`PaperEstimator`] is the published method to the letter, for comparison.
 //!
-//! [`metrics`] compares poses. This crate sees camera frames and object models only: `grip-sim` is built without its
-//! `physics` feature here, so the truth is out of reach.
+//! [`metrics`] compares poses. This crate sees camera frames and object models only: it does not depend on
+//! `grip-physics`, so the truth is out of reach.
 
 #[cfg(test)]
 mod allocations;
-mod clusters;
+mod checks;
 mod detector;
 mod error;
 mod estimator;
-mod footprint;
+mod frame;
 mod grip;
+mod hull;
 pub mod hypotheses;
 pub mod metrics;
-mod plane;
+mod model;
+pub mod observation;
+mod paper;
+mod particles;
 mod posterior;
-mod pyramid;
+mod sampling;
+mod settings;
+mod support;
+mod symmetry;
 #[cfg(feature = "bench")]
 pub mod workbench;
+mod workspace;
 
-pub use clusters::{ClusterSettings, Clusters};
-pub use detector::{Detection, Detections, Detector, WholeImage, Workspace};
+pub use detector::{
+    ClusterSettings, Clusters, Detection, Detections, Detector, DetectorDescription, DetectorSettings,
+    HeatMap, HeatMaps, KnownObject, Providers, PyramidCnn, PyramidSettings, WholeImage,
+};
 pub use error::{Error, Result};
 pub use estimator::PoseEstimator;
-pub use footprint::Footprint;
 pub use grip::{
-    Centre, ColourSettings, ColourVerdict, GripEstimator, GripSettings, Holes, JointSettings, PaperEstimator,
-    PaperSettings, Ranking, SearchLevel,
+    BeliefSettings, ColourSettings, GripEstimator, GripSettings, JointSettings, NearSymmetrySettings,
+    PolishSettings, ProposalSettings, RestartSettings, ScoreSettings, SearchLevel, SearchSettings,
 };
 pub use hypotheses::{HypothesisRenderer, HypothesisRendererChoice};
-pub use plane::{Plane, PlaneSettings, Support, fit_support_plane};
-pub use posterior::{Mode, PosePosterior, TracePoint};
-pub use pyramid::{DetectorDescription, HeatMap, HeatMaps, KnownObject, Providers, PyramidCnn};
+pub use observation::ObservationSettings;
+pub use paper::{Centre, Holes, PaperEstimator, PaperSettings, Ranking};
+pub use posterior::{ColourVerdict, Mode, PosePosterior, TracePoint};
+pub use settings::PerceptionSettings;
+pub use support::{Footprint, Plane, Support, SupportSettings, fit_support_plane};
+pub use workspace::Workspace;

@@ -2,7 +2,6 @@
 
 use std::collections::BTreeMap;
 
-use crate::grip::ColourVerdict;
 use grip_sim::pose::{Camera, Object, Pose};
 use serde::{Deserialize, Serialize};
 
@@ -49,10 +48,14 @@ pub struct PosePosterior {
     /// What each term of the score gives to that of `best`, by the term's name; they sum to the score.
     #[serde(default)]
     pub terms: BTreeMap<String, f64>,
-    /// Root mean square distance of the particles' origins from their mean, metres.
+    /// Root mean square distance of the particles' origins from their mean, metres. Infinite, and `null` in JSON, where
+    /// nothing was found.
+    #[serde(with = "or_infinite")]
     pub position_std_m: f64,
     /// Spread of orientation, radians: root mean square change of the convex hull's support function, relative to the
-    /// object's radius. Turning a can about its axis changes nothing that depth can see, and counts as no spread.
+    /// object's radius. Turning a can about its axis changes nothing that depth can see, and counts as no spread. Infinite,
+    /// and `null` in JSON, where nothing was found.
+    #[serde(with = "or_infinite")]
     pub rotation_std_rad: f64,
     /// Independent searches made.
     pub restarts: usize,
@@ -61,7 +64,7 @@ pub struct PosePosterior {
     /// Wall time, seconds. With those of the trace the only thing that differs between equal calls.
     pub seconds: f64,
     /// What colour said where depth could not decide. None where it was not asked (see
-    /// [`crate::GripSettings::colour`]) or had nothing to go by. A pose that colour chose is `best` and the first
+    /// [`crate::ColourSettings`]) or had nothing to go by. A pose that colour chose is `best` and the first
     /// particle; weights are those of depth alone.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub colour: Option<ColourVerdict>,
@@ -124,6 +127,23 @@ impl PosePosterior {
     }
 }
 
+/// What colour had to say about a pose.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ColourVerdict {
+    /// Poses compared with the one that depth prefers.
+    pub candidates: usize,
+    /// Log-likelihood that the best of them gains over that one, nats a point of the surface; below
+    /// [`min_gain`](crate::ColourSettings::min_gain) nothing is decided.
+    pub gain: f64,
+    /// Sum of the gains of the patches of the image over the root of the sum of their squares, which is a z-score where no
+    /// patch says anything; below [`min_consistency`](crate::ColourSettings::min_consistency) nothing is decided.
+    pub consistency: f64,
+    /// Whether the pose was left as depth has it: also where geometry refused the winner, where the print itself is lost in
+    /// noise, and where a small turn explains the picture as well.
+    pub abstained: bool,
+}
+
 /// What a search would have answered after one of its iterations.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -136,9 +156,37 @@ pub struct TracePoint {
     pub best: Pose<Camera, Object>,
 }
 
+/// A number that may be infinite: JSON has none, so `null` stands for it.
+mod or_infinite {
+    use serde::{Deserialize, Deserializer, Serialize, Serializer};
+
+    pub fn serialize<S: Serializer>(value: &f64, serializer: S) -> Result<S::Ok, S::Error> {
+        value.is_finite().then_some(*value).serialize(serializer)
+    }
+
+    pub fn deserialize<'de, D: Deserializer<'de>>(deserializer: D) -> Result<f64, D::Error> {
+        Ok(Option::deserialize(deserializer)?.unwrap_or(f64::INFINITY))
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_posterior_that_knows_nothing_is_read_back_from_json() {
+        let nothing = PosePosterior {
+            position_std_m: f64::INFINITY,
+            rotation_std_rad: f64::INFINITY,
+            ..PosePosterior::certain("can", Pose::identity())
+        };
+        let text = serde_json::to_string(&nothing).unwrap();
+        assert!(text.contains("\"position_std_m\":null"), "{text}");
+        assert_eq!(serde_json::from_str::<PosePosterior>(&text).unwrap(), nothing);
+        let certain = PosePosterior::certain("can", Pose::identity());
+        let text = serde_json::to_string(&certain).unwrap();
+        assert_eq!(serde_json::from_str::<PosePosterior>(&text).unwrap(), certain);
+    }
 
     #[test]
     fn thinned_particles_keep_the_weights_of_places() {

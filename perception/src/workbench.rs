@@ -15,10 +15,12 @@ use rand_distr::{Distribution, StandardNormal};
 
 use crate::detector::{Detection, Detections};
 use crate::error::Result;
-use crate::grip::{Model, Prepared, small_rotation};
-use crate::hypotheses::{Batch, Hypotheses, Isa, Observation, Raster, render_on};
-use crate::plane::PlaneSettings;
-use crate::{GripSettings, PaperSettings};
+use crate::hypotheses::{Batch, Hypotheses, Isa, Raster, render_on};
+use crate::model::Model;
+use crate::observation::{Observation, ObservationSettings, Stride};
+use crate::paper::{PaperSettings, Prepared};
+use crate::sampling::small_rotation;
+use crate::support::SupportSettings;
 
 /// Standard deviation of the depth noise, metres.
 const NOISE_M: f32 = 0.001;
@@ -55,7 +57,7 @@ impl Workbench {
                 Isometry3::from_parts(Translation3::from(truth.translation.vector + shift), rotation)
             })
             .collect();
-        let observation = Observation::new(&frame, &settings());
+        let observation = Observation::new(&frame, &settings(), None);
         Ok(Self { frame, detections, model, observation, poses })
     }
 
@@ -78,7 +80,7 @@ impl Workbench {
     }
 
     /// Draws all hypotheses; the number of those that can be drawn.
-    pub fn render(&self, isa: Isa, stride: usize, triangles: usize) -> usize {
+    pub fn render(&self, isa: Isa, stride: Stride, triangles: usize) -> usize {
         let mut raster = Raster::default();
         let (lod, level) = (self.model.lod(triangles), self.observation.level(stride));
         let drawn = |pose| render_on(isa, &mut raster, lod, pose, level, None).is_some();
@@ -92,7 +94,7 @@ impl Workbench {
     pub fn advance(
         &self,
         renderer: &mut dyn Hypotheses,
-        stride: usize,
+        stride: Stride,
         triangles: usize,
         steps: usize,
     ) -> Result<f32> {
@@ -156,12 +158,12 @@ impl Stage {
             }
         }
         let mut raster = Raster::default();
-        let empty = Observation::new(&frame, &settings());
+        let empty = Observation::new(&frame, &settings(), None);
         let mut detections = Detections::new();
         for (model, truth) in models.iter().zip(&truths) {
             let mut bounds = [0.0; 4];
             if let Some(extent) =
-                render_on(Isa::BASE, &mut raster, model.lod(SHOWN), truth, empty.level(1), None)
+                render_on(Isa::BASE, &mut raster, model.lod(SHOWN), truth, empty.level(Stride::One), None)
             {
                 bounds = extent.bounds.map(f64::from);
                 for (u, v, w) in raster.tile.pixels() {
@@ -187,11 +189,9 @@ impl Stage {
 }
 
 /// The camera's tilt is not told.
-fn settings() -> GripSettings {
-    GripSettings {
-        plane: Some(PlaneSettings { max_tilt_rad: None, ..PlaneSettings::default() }),
-        ..GripSettings::default()
-    }
+fn settings() -> ObservationSettings {
+    let support = SupportSettings { max_tilt_rad: SupportSettings::ANY_TILT, ..SupportSettings::default() };
+    ObservationSettings { support, ..ObservationSettings::default() }
 }
 
 /// The paper's filter before its next iteration.

@@ -9,8 +9,8 @@ use grip_sim::camera::Intrinsics;
 use grip_sim::condition::ConditionSpec;
 use grip_sim::objects::{ObjectLibrary, ObjectSet};
 use grip_sim::pose::{Camera, Pose, World};
-use grip_sim::render::{Instance, RenderScene, RendererChoice, Surroundings, furniture, open};
-use grip_sim::scene::Scene;
+use grip_sim::render::{Instance, RenderScene, RendererChoice, furniture, open};
+use grip_sim::scene::{Scene, Surroundings};
 use nalgebra::{Isometry3, Matrix3, Rotation3, Translation3, UnitQuaternion, Vector3};
 
 fn main() {

@@ -7,6 +7,7 @@ use rand::Rng;
 use serde::{Deserialize, Serialize};
 
 use crate::error::{Error, Result};
+use crate::files;
 use crate::range::Range;
 use crate::render::{Light, Lighting};
 
@@ -18,14 +19,14 @@ pub enum Placement {
     #[default]
     Spread,
     /// Close together, leaning on and lying over each other.
-    Stacked(Stacked),
+    Stacked(Clutter),
 }
 
-/// A heap.
+/// How cluttered objects are.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Stacked {
-    /// Share of the region, in each direction, on which the heap is dropped: the smaller, the higher. Above 0, up to 1.
+pub struct Clutter {
+    /// Share of the region, in each direction, on which they are dropped: the smaller, the higher. Above 0, up to 1.
     pub patch: f64,
     /// Share of the objects that may lie that are dropped lying on a side, 0 to 1.
     pub lying_fraction: f64,
@@ -171,7 +172,7 @@ impl ConditionSpec {
     /// When the file cannot be read, or a field is unknown, missing or out of range; the message names file, field and
     /// value.
     pub fn load(path: &Path) -> Result<Self> {
-        let text = std::fs::read_to_string(path).map_err(|source| Error::io(path, source))?;
+        let text = files::read_to_string(path)?;
         let mut condition: Self = toml::from_str(&text)
             .map_err(|error| Error::invalid(path, error.to_string().trim().to_owned()))?;
         if let Some(problem) = condition.problem() {
@@ -203,13 +204,9 @@ impl ConditionSpec {
     /// # Errors
     /// When the folder cannot be read.
     pub fn names(dir: &Path) -> Result<Vec<String>> {
-        let mut names = Vec::new();
-        for entry in std::fs::read_dir(dir).map_err(|source| Error::io(dir, source))? {
-            let path = entry.map_err(|source| Error::io(dir, source))?.path();
-            if path.extension().is_some_and(|e| e == "toml") {
-                names.push(stem(&path));
-            }
-        }
+        let files = files::list(dir)?;
+        let conditions = files.iter().filter(|path| path.extension().is_some_and(|e| e == "toml"));
+        let mut names: Vec<String> = conditions.map(|path| stem(path)).collect();
         names.sort();
         Ok(names)
     }
@@ -256,7 +253,7 @@ impl ConditionSpec {
                 return Some(format!("lighting.{problem}"));
             }
         }
-        if let Placement::Stacked(Stacked { patch, lying_fraction, touching }) = self.placement {
+        if let Placement::Stacked(Clutter { patch, lying_fraction, touching }) = self.placement {
             if !(patch > 0.0 && patch <= 1.0) {
                 return Some(format!("placement.stacked.patch = {patch}: must be above 0 and at most 1"));
             }
@@ -311,6 +308,16 @@ mod tests {
             assert!(!condition.description.is_empty());
             let text = toml::to_string(&condition).unwrap();
             assert_eq!(toml::from_str::<ConditionSpec>(&text).unwrap(), condition);
+        }
+    }
+
+    #[test]
+    fn the_built_in_conditions_are_those_on_disk() {
+        let folder = files::builtin_path("scenes/conditions");
+        assert_eq!(ConditionSpec::names(&folder).unwrap(), ConditionSpec::names(&shipped()).unwrap());
+        for name in ConditionSpec::names(&folder).unwrap() {
+            let load = |folder: &Path| ConditionSpec::load_named(folder, &name).unwrap();
+            assert_eq!(load(&folder), load(&shipped()));
         }
     }
 

@@ -1,4 +1,4 @@
-//! Our geometry (nalgebra, f64) as parry's and rapier's (glam, f32), and back.
+//! Our geometry (nalgebra, f64) as parry's (glam, f32), and back. Rapier uses the same types.
 
 use nalgebra::{Isometry3, Point3, Quaternion, Translation3, UnitQuaternion, Vector3};
 use parry3d::math::{Pose as ParryPose, Rotation, Vector};

@@ -49,12 +49,6 @@ pub enum Error {
         /// What failed and what to try.
         message: String,
     },
-    /// The physics world could not be built or went astray.
-    #[error("world: {0}")]
-    World(String),
-    /// A scene's objects could not be laid out from a seed.
-    #[error("world: {0}")]
-    NoLayout(String),
 }
 
 impl Error {

@@ -7,13 +7,15 @@
 //! | [`objects`] | the 21 YCB-Video objects, built in or scanned |
 //! | [`robot`] | the robot model read from a URDF, and its kinematics |
 //! | [`scene`] | scene files: table, bin, robot placement, objects |
+//! | [`files`] | files of the project: on disk, or built into the program |
 //! | [`range`] | numbers in files that may be ranges to draw from |
 //! | [`camera`], [`images`], [`frame`] | pinhole cameras, image types, and the frame that perception gets |
 //! | [`bop`] | data sets in the format of the BOP challenge, read and written |
-//! | [`convert`] | our geometry as parry's and rapier's |
+//! | [`convert`] | our geometry as parry's |
 //! | [`gpu`], [`lanes`] | opening a graphics adapter; eight floats at a time on the CPU |
 //! | [`render`], [`sensor`], [`condition`] | renderers (wgpu and CPU), depth and colour noise, scripted conditions |
-//! | `physics` | the rapier world; only with the feature `physics`, which perception and manipulation never enable |
+//!
+//! The physics world, and with it the truth about where objects are, is a crate of its own: `grip-physics`.
 //!
 //! Units are SI, angles radians, frames right-handed with z up in the world; see [`pose`] for the frames.
 
@@ -23,14 +25,13 @@ pub mod camera;
 pub mod condition;
 pub mod convert;
 pub mod error;
+pub mod files;
 pub mod frame;
 pub mod gpu;
 pub mod images;
 pub mod lanes;
 pub mod mesh;
 pub mod objects;
-#[cfg(feature = "physics")]
-pub mod physics;
 pub mod pose;
 pub mod range;
 pub mod render;

@@ -1,4 +1,4 @@
-//! A number that a file gives exactly, or as the range that it is drawn from.
+//! A number that a file gives exactly, or as the range that it is drawn from; and the check that a number is in a range.
 
 use std::fmt;
 
@@ -6,6 +6,18 @@ use rand::{Rng, RngExt};
 use serde::de::{self, Deserializer, MapAccess, Visitor};
 use serde::ser::{SerializeMap, Serializer};
 use serde::{Deserialize, Serialize};
+
+/// Whether the number `value` of `field` is one from `low` to `high`.
+///
+/// # Errors
+/// When it is not: field, value and range.
+pub fn within(field: &str, value: f64, low: f64, high: f64) -> std::result::Result<(), String> {
+    // NaN is in no range.
+    if (low..=high).contains(&value) {
+        return Ok(());
+    }
+    Err(format!("{field} = {value}: must be a finite number from {low} to {high}"))
+}
 
 /// Written `0.3`, or `{ min = 0.2, max = 0.4 }` for a number drawn evenly from between.
 #[derive(Debug, Clone, Copy, PartialEq)]

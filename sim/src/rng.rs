@@ -2,7 +2,7 @@
 //!
 //! Drawing more numbers in one consumer (say, more particles) never changes what another one sees.
 
-use rand::SeedableRng;
+use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use sha2::{Digest, Sha256};
 
@@ -16,10 +16,14 @@ pub fn stream(seed: u64, name: &str) -> ChaCha8Rng {
     ChaCha8Rng::from_seed(hasher.finalize().into())
 }
 
+/// The first number of that stream: a seed for what has streams of its own.
+pub fn seed(seed: u64, name: &str) -> u64 {
+    stream(seed, name).random()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
-    use rand::RngExt;
 
     #[test]
     fn streams_repeat_and_differ_by_name_and_seed() {

@@ -3,18 +3,13 @@
 
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::print_stdout, missing_docs)]
 
-use std::path::Path;
-
 use grip_sim::bop::Dataset;
 use grip_sim::render::silhouette;
+use grip_testkit::data::data;
 
 #[test]
 fn models_at_their_true_poses_lie_on_the_real_depth() {
-    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/data/ycbv-real-frame");
-    if !root.exists() {
-        println!("SKIPPED: no {}", root.display());
-        return;
-    }
+    let Some(root) = data("ycbv-real-frame") else { return };
     let dataset = Dataset::open(&root, None).unwrap();
     let frame = dataset.frame(50, 1).unwrap();
     assert_eq!(frame.ground_truths.len(), 5);

@@ -2,8 +2,6 @@
 
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::print_stdout, missing_docs)]
 
-mod shapes;
-
 use std::path::Path;
 use std::sync::Arc;
 
@@ -15,9 +13,10 @@ use grip_sim::pose::{Camera, Pose, World};
 use grip_sim::render::cpu::CpuRenderer;
 use grip_sim::render::wgpu::WgpuRenderer;
 use grip_sim::render::{Instance, Light, Lighting, RenderScene, Renderer, RendererChoice, Rendering, open};
-use grip_sim::sensor::{capture, depth::DepthNoise};
+use grip_sim::sensor::{Sensors, capture};
+use grip_testkit::cameras::{at, head_camera};
+use grip_testkit::textured::{cuboid, sphere, tabletop, visual};
 use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
-use shapes::{at, cuboid, sphere, tabletop, visual};
 
 const SMALL: Intrinsics = Intrinsics { width: 160, height: 120, fx: 140.0, fy: 138.0, cx: 77.3, cy: 61.9 };
 
@@ -228,7 +227,7 @@ fn both_renderers_draw_the_same_scene() {
             .unwrap()
             .draw(&mut grip_sim::rng::stream(1, "condition"));
         let draw = |renderer: &mut dyn Renderer| {
-            renderer.render(&scene, &condition.lighting, &Intrinsics::FETCH, &shapes::head_camera()).unwrap()
+            renderer.render(&scene, &condition.lighting, &Intrinsics::FETCH, &head_camera()).unwrap()
         };
         let a = draw(wgpu.as_mut());
         let b = draw(&mut CpuRenderer::new());
@@ -269,7 +268,7 @@ fn pictures_repeat_to_the_bit_on_any_number_of_threads() {
         bits
     };
     let draw = |renderer: &mut dyn Renderer| {
-        bits(&renderer.render(&scene, &ambient(80.0), &small, &shapes::head_camera()).unwrap())
+        bits(&renderer.render(&scene, &ambient(80.0), &small, &head_camera()).unwrap())
     };
     let on = |threads| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
@@ -346,7 +345,7 @@ fn auto_always_finds_a_renderer_and_frames_repeat() {
             &condition,
             &SMALL,
             &Pose::identity(),
-            &DepthNoise::default(),
+            &Sensors::default(),
             &mut grip_sim::rng::stream(seed, "camera"),
         )
         .unwrap()

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use anyhow::{Context, Result};
-use grip_perception::{Clusters, Detection, Detections, Detector, PyramidCnn, WholeImage};
+use grip_perception::{Clusters, Detection, Detections, Detector, DetectorSettings, PyramidCnn, WholeImage};
 use grip_sim::bop::{BopFrame, GroundTruth};
 use grip_sim::camera::Intrinsics;
 use grip_sim::frame::CameraFrame;
@@ -16,9 +16,8 @@ use rand_distr::{Distribution, StandardNormal};
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
-use crate::cli::DetectorArgs;
+use crate::estimators::NetworkOptions;
 use crate::scenario::hex;
-use crate::setup;
 
 /// Standard deviation by which each side of a jittered box moves, as a share of the box's width or height.
 const JITTER: f64 = 0.1;
@@ -49,12 +48,15 @@ pub enum Boxes {
 /// One entry of a detection file in COCO's result format, as BOP's default detections are.
 #[derive(Debug, Clone, Deserialize, Serialize)]
 pub struct FileBox {
+    /// Number of the scene.
     pub scene_id: u32,
+    /// Number of the image in it.
     pub image_id: u32,
     /// The object's number.
     pub category_id: u32,
     /// Left, top, width, height, pixels.
     pub bbox: [f64; 4],
+    /// Confidence.
     pub score: f64,
 }
 
@@ -80,13 +82,13 @@ impl Boxes {
     ///
     /// # Errors
     /// When it is none of these, the file cannot be read, or the network not be loaded.
-    pub fn open(name: &str, clusters: Clusters, detector: &DetectorArgs) -> Result<Self> {
-        setup::check_network_is_used(detector, name == "pyramid", "--boxes pyramid")?;
+    pub fn open(name: &str, settings: &DetectorSettings, network: &NetworkOptions) -> Result<Self> {
+        network.check_used(name == "pyramid", "--boxes pyramid")?;
         Ok(match name {
-            "pyramid" => Self::Pyramid(Box::new(setup::network(detector)?)),
+            "pyramid" => Self::Pyramid(Box::new(network.open(&settings.pyramid)?)),
             "gt" => Self::Truth,
             "jittered" => Self::Jittered,
-            "clusters" => Self::Clusters(clusters),
+            "clusters" => Self::Clusters(Clusters::new(settings.clusters.clone())?),
             "none" => Self::None,
             file => {
                 let path = PathBuf::from(file);

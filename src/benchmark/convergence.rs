@@ -6,13 +6,13 @@ use anyhow::Result;
 use grip_perception::metrics::Surface;
 use grip_perception::{PoseEstimator, TracePoint};
 use grip_sim::bop::{Dataset, GroundTruth};
-use indicatif::ProgressBar;
 use serde::Serialize;
 
 use super::boxes::Boxes;
 use super::estimates::{camera_frame, image_seed, targets};
 use super::objects;
 use crate::plot::{Axis, Curve, Figure, Panel};
+use crate::progress::Progress;
 
 /// What of a point is drawn.
 type Quantity = fn(&Measured) -> f64;
@@ -83,7 +83,7 @@ impl Searches<'_> {
     ///
     /// # Errors
     /// When there is no such scene, image or object, or one of their files cannot be read.
-    pub fn run(&self, contenders: &[Contender], progress: &ProgressBar) -> Result<Convergence> {
+    pub fn run(&self, contenders: &[Contender], progress: &dyn Progress) -> Result<Convergence> {
         let (scene_id, im_id) = self.image;
         let asked = self.asked()?;
         let bop = self.dataset.frame(scene_id, im_id)?;
@@ -97,7 +97,7 @@ impl Searches<'_> {
             let points = self.dataset.load_evaluation_model(model.info.bop_id)?.mesh.positions.clone();
             surfaces.insert(model.info.bop_id, Surface::new(points.iter().map(|p| p.cast()).collect()));
         }
-        progress.set_length((contenders.len() * self.seeds.clone().count()) as u64);
+        progress.begin((contenders.len() * self.seeds.clone().count()) as u64, 0);
         let mut trials = Vec::new();
         for seed in self.seeds.clone() {
             let of_image = image_seed(seed, self.image);
@@ -109,7 +109,7 @@ impl Searches<'_> {
                     let points = errors(&belief.trace, &surfaces[&obj_id], &bop.ground_truths, obj_id);
                     trials.push(Trial { estimator, obj_id, seed, points });
                 }
-                progress.inc(1);
+                progress.advance(1);
             }
         }
         Ok(Convergence { trials })

@@ -16,7 +16,6 @@ use grip_sim::frame::CameraFrame;
 use grip_sim::objects::ObjectModel;
 use grip_sim::pose::Pose;
 use grip_sim::rng;
-use indicatif::ProgressBar;
 use rand::RngExt;
 use rand::seq::SliceRandom;
 use rayon::ThreadPoolBuilder;
@@ -24,6 +23,7 @@ use rayon::prelude::*;
 
 use super::boxes::Boxes;
 use super::objects;
+use crate::progress::Progress;
 use crate::workers;
 
 /// What is to be estimated, by whom.
@@ -68,7 +68,7 @@ impl Run<'_> {
     ///
     /// # Errors
     /// When an image or model cannot be read, or a file not written; what is done by then is kept for `resume`.
-    pub fn write(&self, out: &Path, resume: bool, progress: &ProgressBar) -> Result<Estimated> {
+    pub fn write(&self, out: &Path, resume: bool, progress: &dyn Progress) -> Result<Estimated> {
         anyhow::ensure!(!out.is_dir(), "--out {}: is a folder; give a file", out.display());
         let wanted = self.wanted()?;
         let ids: HashSet<u32> = wanted.values().flat_map(|objects| objects.keys().copied()).collect();
@@ -83,9 +83,7 @@ impl Run<'_> {
         let mut done = if resume { self.resumed(&partial, &wanted)? } else { Done::new() };
         let missing: Vec<((u32, u32), &Wanted)> =
             wanted.iter().filter(|(image, _)| !done.contains_key(*image)).map(|(i, w)| (*i, w)).collect();
-        progress.set_length(wanted.len() as u64);
-        progress.set_position((wanted.len() - missing.len()) as u64);
-        progress.reset_eta();
+        progress.begin(wanted.len() as u64, (wanted.len() - missing.len()) as u64);
         let mut summary = Estimated { images: missing.len(), kept: done.len(), ..Estimated::default() };
 
         let shared = Mutex::new((self.begin(&partial, &done)?, &mut done, &mut summary));
@@ -105,7 +103,7 @@ impl Run<'_> {
                 file.write_all(lines.concat().as_bytes()).with_context(|| cannot_write(&partial))?;
                 summary.seconds += estimates.first().and_then(|e| e.time_s).unwrap_or(0.0);
                 done.insert(image, lines);
-                progress.inc(1);
+                progress.advance(1);
             }
             Ok(())
         })?;

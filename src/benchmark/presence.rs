@@ -32,11 +32,11 @@ pub struct Presence {
     pub auroc: Option<f64>,
     /// Share of present objects that are found at the confidence that 5 % of the absent ones reach.
     pub found_at_5_percent: Option<f64>,
-    /// Share of present, and of absent objects with a confidence of [`THERE`] or more.
+    /// Share of present, and of absent objects with a confidence of 0.5 or more.
     pub said_there: [f64; 2],
     /// The ROC curve: shares of absent and of present objects at least so confident, from the most confident on.
     pub roc: Vec<[f64; 2]>,
-    /// Confidence against the share of estimates that are right ([`RIGHT_M`]); bins without estimates are left out.
+    /// Confidence against the share of estimates that are right (ADD-S below 1 cm); bins without estimates are left out.
     pub calibration: Vec<Bin>,
     /// Expected calibration error: mean distance of the two over the bins, weighed by their estimates (Guo 2017).
     pub calibration_error: f64,

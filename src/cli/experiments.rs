@@ -2,12 +2,19 @@
 
 use std::path::PathBuf;
 
-use clap::{Args, ValueEnum};
+use std::str::FromStr;
+use std::sync::Arc;
 
-use super::{Detector, DetectorArgs, Estimator, GraspAt, Renderer, RobotFile};
-use crate::experiment::plan::Shard;
-use crate::experiment::sweep::Strategy;
-use crate::experiment::sweep::errors::Axis;
+use anyhow::{Context, Result, bail, ensure};
+use clap::builder::{PossibleValuesParser, TypedValueParser};
+use clap::{Args, ValueEnum};
+use grip::estimators::EstimatorKind;
+use grip::experiment::plan::{Shard, TrialsOptions};
+use grip::experiment::sweep::errors::Axis;
+use grip::experiment::sweep::{ErrorPattern, SweepOptions};
+use grip::setup::{GROCERY, SetupOptions};
+
+use super::{Detector, DetectorArgs, GraspAt, Renderer, RobotFile, SettingsFile};
 
 /// `grip trials`.
 #[derive(Debug, Args)]
@@ -26,15 +33,15 @@ pub struct TrialsArgs {
     pub conditions: Vec<String>,
     /// Estimators, separated by commas: grip, truth, csv:FILE.
     #[arg(long, value_name = "LIST", value_delimiter = ',', default_value = "grip")]
-    pub estimators: Vec<Estimator>,
+    pub estimators: Vec<EstimatorKind>,
     /// Who proposes boxes.
     #[arg(long, value_enum, default_value_t = Detector::Pyramid)]
     pub detector: Detector,
     #[command(flatten)]
     pub network: DetectorArgs,
-    /// Whether grasps are scored at the best pose alone or over the posterior.
-    #[arg(long, value_enum, default_value_t = GraspAt::Posterior)]
-    pub grasp_at: GraspAt,
+    /// Whether grasps are scored at the best pose alone or over the posterior [default: the settings', else posterior].
+    #[arg(long, value_enum)]
+    pub grasp_at: Option<GraspAt>,
     /// Folder of grasps to use instead of those that are found.
     #[arg(long, value_name = "DIR")]
     pub grasps: Option<PathBuf>,
@@ -46,6 +53,8 @@ pub struct TrialsArgs {
     pub ycb: Option<PathBuf>,
     #[command(flatten)]
     pub robot: RobotFile,
+    #[command(flatten)]
+    pub settings: SettingsFile,
     /// Folder of the experiment.
     #[arg(long, value_name = "DIR", default_value = "runs/trials")]
     pub out: PathBuf,
@@ -97,7 +106,7 @@ pub struct SweepArgs {
     /// Directions of the gripper's frame: x approach, y closing, z sideways, and turns about them.
     #[arg(
         long,
-        value_enum,
+        value_parser = PossibleValuesParser::new(Axis::ALL.map(Axis::name)).try_map(|name| Axis::from_str(&name)),
         value_name = "LIST",
         value_delimiter = ',',
         default_value = "x,y,z,roll,pitch,yaw"
@@ -118,7 +127,7 @@ pub struct SweepArgs {
     /// The first seed.
     #[arg(long, value_name = "S", default_value_t = 1)]
     pub seed: u64,
-    /// Which grasp is tried: `planned`, the planner's choice at each layout, or `fixed`, one for each object.
+    /// Which grasp is tried.
     #[arg(long, value_enum, default_value_t = Strategy::Planned)]
     pub grasp: Strategy,
     /// Coulomb friction of the objects in place of their own: against the table, and against the pads, whose own of 0.9 counts
@@ -136,6 +145,8 @@ pub struct SweepArgs {
     pub ycb: Option<PathBuf>,
     #[command(flatten)]
     pub robot: RobotFile,
+    #[command(flatten)]
+    pub settings: SettingsFile,
     /// Folder of the sweep.
     #[arg(long, value_name = "DIR", default_value = "runs/sweep")]
     pub out: PathBuf,
@@ -148,6 +159,86 @@ pub struct SweepArgs {
     /// Print the figures as one JSON object on stdout.
     #[arg(long)]
     pub json: bool,
+}
+
+/// Which grasp is tried.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum Strategy {
+    /// The planner's choice at each layout.
+    Planned,
+    /// One for each object: the planner's choice at its first layout.
+    Fixed,
+}
+
+impl TrialsArgs {
+    /// What the library makes an experiment of.
+    pub fn options(&self) -> Result<TrialsOptions> {
+        let mut settings = self.settings.load()?;
+        if let Some(at) = self.grasp_at {
+            settings.planner.grasp.at = at.into();
+        }
+        Ok(TrialsOptions {
+            trials: self.trials,
+            scenes: self.scene.clone(),
+            conditions: self.conditions.clone(),
+            estimators: self.estimators.clone(),
+            detector: self.detector.into(),
+            network: self.network.options(),
+            grasps: self.grasps.clone(),
+            shard: self.shard,
+            setup: SetupOptions {
+                seed: self.seed,
+                ycb: self.ycb.clone(),
+                robot: self.robot.robot.clone(),
+                package_path: self.robot.package_path.clone(),
+                settings: Arc::new(settings),
+                ..SetupOptions::default()
+            },
+        })
+    }
+}
+
+impl SweepArgs {
+    /// What the library makes a sweep of.
+    pub fn options(&self) -> Result<SweepOptions> {
+        let [millimetres, degrees] = self.range[..] else {
+            bail!("--range: give two numbers, millimetres and degrees, such as 40,45");
+        };
+        let default = SweepOptions::default();
+        let pattern = match self.mode {
+            Mode::Axis => ErrorPattern::Axis(self.axes.clone()),
+            Mode::Isotropic => {
+                ensure!(
+                    self.axes == Axis::ALL,
+                    "--axes: is for --mode axis; isotropic errors are in all directions"
+                );
+                ErrorPattern::Isotropic
+            }
+        };
+        Ok(SweepOptions {
+            objects: if self.objects.is_empty() { default.objects } else { self.objects.clone() },
+            pattern,
+            metres: 1e-3 * millimetres,
+            radians: degrees.to_radians(),
+            samples: self.samples,
+            seeds: self.seeds,
+            strategy: match self.grasp {
+                Strategy::Planned => grip::experiment::sweep::Strategy::Planned,
+                Strategy::Fixed => grip::experiment::sweep::Strategy::Fixed,
+            },
+            friction: self.friction,
+            force_n: self.force,
+            setup: SetupOptions {
+                scene: self.scene.clone().unwrap_or_else(|| grip::assets::find(GROCERY)),
+                seed: self.seed,
+                ycb: self.ycb.clone(),
+                robot: self.robot.robot.clone(),
+                package_path: self.robot.package_path.clone(),
+                settings: Arc::new(self.settings.load().context("settings of the sweep")?),
+                ..SetupOptions::default()
+            },
+        })
+    }
 }
 
 /// How errors are chosen.

@@ -1,13 +1,21 @@
 //! The command line, as data. What it does stands in `commands`.
 
-use std::path::{Path, PathBuf};
-use std::str::FromStr;
+use std::path::PathBuf;
+use std::sync::Arc;
 
+use anyhow::{Context, Result};
 use clap::{Args, Parser, Subcommand, ValueEnum};
+use grip::benchmark::FrameEstimatorKind;
+use grip::dataset::DatasetOptions;
+use grip::estimators::{DetectorKind, EstimatorKind, NetworkOptions};
+use grip::settings::Settings;
+use grip::setup::SetupOptions;
+use grip_perception::Providers;
+use grip_sim::robot::{RobotConfig, RobotModel};
 
 mod experiments;
 
-pub use experiments::{MergeArgs, Mode, ReportArgs, SweepArgs, TrialsArgs};
+pub use experiments::{MergeArgs, ReportArgs, SweepArgs, TrialsArgs};
 
 /// Grocery packing in simulation: GRIP estimates poses, a Fetch packs, physics decides, every grasp is scored.
 #[derive(Debug, Parser)]
@@ -57,6 +65,10 @@ pub enum Command {
     Objects(ObjectsArgs),
     /// Show the robot: what was loaded, joints, limits.
     Robot(RobotArgs),
+    /// Write the scenes, conditions, objects and robot that are built into the program to a folder, to be edited.
+    Init(InitArgs),
+    /// Print the tree of settings as TOML, to be edited and given to `--settings`.
+    Settings(SettingsFile),
 }
 
 /// Which scene, and which parts it is made of.
@@ -79,6 +91,38 @@ pub struct SceneArgs {
     /// Where `package://` meshes are looked up; may be given more than once.
     #[arg(long, value_name = "DIR")]
     pub package_path: Vec<PathBuf>,
+    #[command(flatten)]
+    pub settings: SettingsFile,
+}
+
+impl SceneArgs {
+    /// What the library makes a setup of; `scene` is the file where none is named.
+    pub fn options(&self, scene: &str, condition: &str) -> Result<SetupOptions> {
+        Ok(SetupOptions {
+            scene: self.scene.clone().unwrap_or_else(|| grip::assets::find(scene)),
+            condition: condition.to_owned(),
+            seed: self.seed,
+            ycb: self.ycb.clone(),
+            robot: self.robot.clone(),
+            package_path: self.package_path.clone(),
+            settings: Arc::new(self.settings.load()?),
+        })
+    }
+}
+
+/// Where settings are that are not to be the defaults.
+#[derive(Debug, Clone, Default, Args)]
+pub struct SettingsFile {
+    /// Settings that are not to be the defaults: any part of the tree that `grip settings` prints, TOML.
+    #[arg(long, value_name = "FILE")]
+    pub settings: Option<PathBuf>,
+}
+
+impl SettingsFile {
+    /// The defaults with what the file says.
+    pub fn load(&self) -> Result<Settings> {
+        self.settings.as_deref().map_or_else(|| Ok(Settings::default()), Settings::load)
+    }
 }
 
 /// `grip pack`.
@@ -92,7 +136,7 @@ pub struct PackArgs {
     /// Who estimates poses: `grip`; `csv:FILE`, a results file in BOP's format with the seed as scene_id and the look as im_id
     /// (see --bop), a look that is not in it keeping the estimates of the one before; or `truth`, which reads them from the simulator, for ceilings, and is marked in every output.
     #[arg(long, value_name = "grip|csv:FILE|truth", default_value = "grip")]
-    pub estimator: Estimator,
+    pub estimator: EstimatorKind,
     /// Who proposes boxes.
     #[arg(long, value_enum, default_value_t = Detector::Pyramid)]
     pub detector: Detector,
@@ -101,9 +145,9 @@ pub struct PackArgs {
     /// Who renders pose hypotheses.
     #[arg(long, value_enum, default_value_t = Hypotheses::Cpu)]
     pub hypotheses: Hypotheses,
-    /// Whether grasps are scored at the best pose alone or over the posterior.
-    #[arg(long, value_enum, default_value_t = GraspAt::Posterior)]
-    pub grasp_at: GraspAt,
+    /// Whether grasps are scored at the best pose alone or over the posterior [default: the settings', else posterior].
+    #[arg(long, value_enum)]
+    pub grasp_at: Option<GraspAt>,
     /// Folder of grasps to use instead of those that are found: a file OBJECT.json each, as `grip grasps --out` makes them.
     #[arg(long, value_name = "DIR")]
     pub grasps: Option<PathBuf>,
@@ -158,6 +202,17 @@ pub struct RobotFile {
     pub package_path: Vec<PathBuf>,
 }
 
+impl RobotFile {
+    /// The URDF's path, the robot in it, and the project's settings of it.
+    pub fn load(&self) -> Result<(PathBuf, RobotModel, RobotConfig)> {
+        let urdf = self.robot.clone().unwrap_or_else(|| grip::assets::find("robots/fetch/fetch.urdf"));
+        let robot = RobotModel::load(&urdf, &self.package_path)?;
+        let config = RobotConfig::load(&grip::assets::find("robots/fetch/fetch.toml"), &robot)
+            .with_context(|| format!("{}: does not fit the Fetch's settings", urdf.display()))?;
+        Ok((urdf, robot, config))
+    }
+}
+
 /// `grip plan`.
 #[derive(Debug, Args)]
 pub struct PlanArgs {
@@ -172,6 +227,8 @@ pub struct PlanArgs {
     pub jobs: usize,
     #[command(flatten)]
     pub robot: RobotFile,
+    #[command(flatten)]
+    pub settings: SettingsFile,
     /// Print the results, problem by problem, as one JSON object on stdout.
     #[arg(long)]
     pub json: bool,
@@ -245,13 +302,30 @@ pub struct ScenesArgs {
 }
 
 /// Where the camera of a data set is.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum, serde::Serialize)]
-#[serde(rename_all = "lowercase")]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum CameraPlace {
     /// The robot's head, looking at the scene's `look_at`.
     Head,
     /// On a sphere about the objects.
     Sphere,
+}
+
+impl ScenesArgs {
+    /// What the library makes a data set of.
+    pub fn options(&self) -> DatasetOptions {
+        DatasetOptions {
+            scenes: self.scenes,
+            objects: self.objects.clone(),
+            views: self.views.clone(),
+            camera: match self.camera {
+                CameraPlace::Head => grip::dataset::CameraPlace::Head,
+                CameraPlace::Sphere => grip::dataset::CameraPlace::Sphere,
+            },
+            depth_noise: self.depth_noise.clone(),
+            distortion: self.distortion.clone(),
+            split: self.split.clone(),
+        }
+    }
 }
 
 /// Formats of data sets.
@@ -273,6 +347,13 @@ pub struct DetectorArgs {
     pub providers: Vec<String>,
 }
 
+impl DetectorArgs {
+    /// As the library takes them.
+    pub fn options(&self) -> NetworkOptions {
+        NetworkOptions { model: self.detector_model.clone(), providers: Providers(self.providers.clone()) }
+    }
+}
+
 /// `grip detect`.
 #[derive(Debug, Args)]
 pub struct DetectArgs {
@@ -281,6 +362,8 @@ pub struct DetectArgs {
     pub input: PathBuf,
     #[command(flatten)]
     pub network: DetectorArgs,
+    #[command(flatten)]
+    pub settings: SettingsFile,
     /// Split of the data set, such as test or train_pbr [default: test, else the first there is].
     #[arg(long)]
     pub split: Option<String>,
@@ -330,10 +413,8 @@ pub struct EstimateArgs {
     /// Who renders pose hypotheses.
     #[arg(long, value_enum, default_value_t = Hypotheses::Cpu)]
     pub hypotheses: Hypotheses,
-    /// Settings of the estimator that are not to be its defaults, a JSON file such as {"samples": 100}; the settings in use
-    /// are in the summary of --json.
-    #[arg(long, value_name = "FILE")]
-    pub settings: Option<PathBuf>,
+    #[command(flatten)]
+    pub settings: SettingsFile,
     /// Seed of everything random.
     #[arg(long, default_value_t = 1)]
     pub seed: u64,
@@ -360,6 +441,23 @@ pub enum EstimatorChoice {
     Paper,
     /// The same with guards that the paper leaves out, without which it does not converge.
     PaperGuarded,
+}
+
+impl EstimatorChoice {
+    /// As on the command line.
+    pub fn name(self) -> &'static str {
+        FrameEstimatorKind::from(self).name()
+    }
+}
+
+impl From<EstimatorChoice> for FrameEstimatorKind {
+    fn from(choice: EstimatorChoice) -> Self {
+        match choice {
+            EstimatorChoice::Grip => Self::Grip,
+            EstimatorChoice::Paper => Self::Paper,
+            EstimatorChoice::PaperGuarded => Self::PaperGuarded,
+        }
+    }
 }
 
 /// `grip eval`.
@@ -434,8 +532,8 @@ pub struct ConvergenceArgs {
     /// Numbers of objects, separated by commas [default: all in the image].
     #[arg(long, value_name = "LIST", value_delimiter = ',')]
     pub object: Vec<u32>,
-    /// Who searches: grip, paper or paper-guarded, with a JSON file of settings that are not to be its defaults where there
-    /// is one (paper=fewer.json); may be given more than once.
+    /// Who searches: grip, paper or paper-guarded, with a TOML file of settings that are not to be the defaults where there
+    /// is one (paper=fewer.toml); may be given more than once.
     #[arg(long, value_name = "NAME[=FILE]", default_values = ["grip", "paper-guarded", "paper"])]
     pub estimator: Vec<SearchChoice>,
     /// Searches of each object, with the seeds 1 to N.
@@ -460,7 +558,7 @@ pub struct SearchChoice {
     /// Who.
     pub estimator: EstimatorChoice,
     /// Changes of its settings.
-    pub settings: Option<PathBuf>,
+    pub settings: SettingsFile,
 }
 
 impl std::str::FromStr for SearchChoice {
@@ -470,7 +568,7 @@ impl std::str::FromStr for SearchChoice {
         let (name, file) = text.split_once('=').map_or((text, None), |(name, file)| (name, Some(file)));
         let estimator = EstimatorChoice::from_str(name, false)
             .map_err(|_| "must be grip, paper or paper-guarded, or one of these with =FILE".to_owned())?;
-        Ok(Self { estimator, settings: file.map(PathBuf::from) })
+        Ok(Self { estimator, settings: SettingsFile { settings: file.map(PathBuf::from) } })
     }
 }
 
@@ -499,9 +597,19 @@ pub struct GraspsArgs {
     pub ycb: Option<PathBuf>,
     #[command(flatten)]
     pub robot: RobotFile,
+    #[command(flatten)]
+    pub settings: SettingsFile,
     /// Print the sets as JSON.
     #[arg(long)]
     pub json: bool,
+}
+
+/// `grip init`.
+#[derive(Debug, Args)]
+pub struct InitArgs {
+    /// The folder: a new or an empty one.
+    #[arg(value_name = "DIR")]
+    pub folder: PathBuf,
 }
 
 /// `grip robot`.
@@ -556,30 +664,6 @@ impl From<Hypotheses> for grip_perception::HypothesisRendererChoice {
     }
 }
 
-/// Who estimates poses.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub enum Estimator {
-    /// GRIP.
-    Grip,
-    /// The simulator's own poses: a ceiling, not a result.
-    Truth,
-    /// A results file in BOP's format.
-    Csv(PathBuf),
-}
-
-impl FromStr for Estimator {
-    type Err = String;
-
-    fn from_str(text: &str) -> Result<Self, String> {
-        match (text, text.strip_prefix("csv:")) {
-            ("grip", _) => Ok(Self::Grip),
-            ("truth", _) => Ok(Self::Truth),
-            (_, Some(file)) if Path::new(file).file_stem().is_some() => Ok(Self::Csv(file.into())),
-            _ => Err("give grip, truth, or csv: and a results file".into()),
-        }
-    }
-}
-
 /// Who proposes boxes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum Detector {
@@ -591,26 +675,12 @@ pub enum Detector {
     None,
 }
 
-impl Estimator {
-    /// As in outputs: of a file its name without the ending, behind `csv-`.
-    pub fn name(&self) -> String {
-        match self {
-            Self::Grip => "grip".into(),
-            Self::Truth => "truth".into(),
-            Self::Csv(path) => {
-                format!("csv-{}", path.file_stem().unwrap_or(path.as_os_str()).to_string_lossy())
-            }
-        }
-    }
-}
-
-impl Detector {
-    /// As on the command line and in outputs.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Pyramid => "pyramid",
-            Self::Clusters => "clusters",
-            Self::None => "none",
+impl From<Detector> for DetectorKind {
+    fn from(detector: Detector) -> Self {
+        match detector {
+            Detector::Pyramid => Self::Pyramid,
+            Detector::Clusters => Self::Clusters,
+            Detector::None => Self::None,
         }
     }
 }
@@ -618,10 +688,34 @@ impl Detector {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use clap::CommandFactory;
 
     #[test]
     fn the_command_line_is_consistent() {
-        use clap::CommandFactory;
         Cli::command().debug_assert();
+    }
+
+    /// docs/command-line.md, made of what `--help` says; `GRIP_UPDATE_DOCS=1` writes it anew.
+    #[test]
+    fn the_page_of_the_command_line_is_current() {
+        let mut page = String::from(
+            "# Command line\n\nMade of what `--help` says, by `GRIP_UPDATE_DOCS=1 cargo test --release command_line`.\n",
+        );
+        let mut command = Cli::command().term_width(100);
+        command.build();
+        for verb in command.get_subcommands_mut().filter(|verb| verb.get_name() != "help") {
+            let help = verb.render_long_help().to_string();
+            let lines: Vec<&str> = help.trim_end().lines().map(str::trim_end).collect();
+            page += &format!("\n## grip {}\n\n```text\n{}\n```\n", verb.get_name(), lines.join("\n"));
+        }
+        let file = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/command-line.md");
+        if std::env::var_os("GRIP_UPDATE_DOCS").is_some() {
+            std::fs::write(&file, &page).unwrap();
+        }
+        let written = std::fs::read_to_string(&file).unwrap_or_default();
+        assert!(
+            written == page,
+            "docs/command-line.md is not what --help says; GRIP_UPDATE_DOCS=1 writes it anew"
+        );
     }
 }

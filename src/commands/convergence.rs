@@ -1,16 +1,16 @@
 //! `grip convergence`: how near the best pose is to the truth after each iteration.
 
 use anyhow::{Context, Result};
-use clap::ValueEnum;
-use grip_perception::{ClusterSettings, Clusters, HypothesisRenderer};
+use grip::benchmark::{Boxes, Contender, Convergence, Searches, for_dataset, frame_estimator};
+use grip::plot;
+use grip::settings::Settings;
+use grip_perception::HypothesisRenderer;
 use grip_sim::bop::Dataset;
 use serde_json::{Value, json};
 
 use super::Done;
-use super::estimate::{bar, estimator, plane};
-use crate::benchmark::{Boxes, Contender, Convergence, Searches};
+use super::output::{self, Bar};
 use crate::cli::{ConvergenceArgs, SearchChoice};
-use crate::{output, plot};
 
 /// Draws the figure.
 pub fn run(args: &ConvergenceArgs) -> Result<Done> {
@@ -21,14 +21,13 @@ pub fn run(args: &ConvergenceArgs) -> Result<Done> {
         plot::MOST_CURVES
     );
     let dataset = Dataset::open(&args.dataset, args.split.as_deref())?;
-    let plane = plane(&args.dataset);
-    let clusters = Clusters::new(ClusterSettings { plane: plane.clone(), ..ClusterSettings::default() });
-    let boxes = Boxes::open(&args.boxes, clusters, &args.network)?;
+    let detector = for_dataset(Settings::default(), &args.dataset).perception.detector;
+    let boxes = Boxes::open(&args.boxes, &detector, &args.network.options())?;
     let (mut contenders, mut settings) = (Vec::new(), Vec::new());
     for choice in &args.estimator {
-        let file = choice.settings.as_deref();
-        let renderer = HypothesisRenderer::Cpu;
-        let (estimator, used) = estimator(choice.estimator, file, plane.clone(), renderer, true)?;
+        let changed = for_dataset(choice.settings.load()?, &args.dataset);
+        let (estimator, used) =
+            frame_estimator(choice.estimator.into(), &changed, HypothesisRenderer::Cpu, true)?;
         contenders.push(Contender { name: name(choice), estimator });
         settings.push(used);
     }
@@ -39,11 +38,11 @@ pub fn run(args: &ConvergenceArgs) -> Result<Done> {
         boxes: &boxes,
         seeds: 1..=args.seeds,
     };
-    let progress = bar("estimates");
+    let progress = Bar::new("estimates");
     // On one thread, or the times of searches could not be compared.
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().context("cannot start a thread")?;
     let found = pool.install(|| searches.run(&contenders, &progress));
-    progress.finish_and_clear();
+    progress.finish();
     let found = found?;
     let title = format!("Convergence: scene {}, image {}, boxes {}", args.scene, args.image, args.boxes);
     plot::write(&found.figure(title, &contenders), &args.out)?;
@@ -53,9 +52,13 @@ pub fn run(args: &ConvergenceArgs) -> Result<Done> {
 
 /// In the figure: the estimator, and its settings file where it has one.
 fn name(choice: &SearchChoice) -> String {
-    let value = choice.estimator.to_possible_value();
-    let name = value.as_ref().map_or("", |value| value.get_name());
-    let file = choice.settings.as_ref().and_then(|file| file.file_stem()).map(|stem| stem.to_string_lossy());
+    let name = choice.estimator.name();
+    let file = choice
+        .settings
+        .settings
+        .as_ref()
+        .and_then(|file| file.file_stem())
+        .map(|stem| stem.to_string_lossy());
     file.map_or_else(|| name.to_owned(), |file| format!("{name} ({file})"))
 }
 

@@ -13,10 +13,11 @@ use serde::Serialize;
 use serde_json::{Value, json};
 
 use super::Done;
-use super::estimate::bar;
-use crate::benchmark::{DetectionFigures, FileBox, MOST_BOXES, ObjectImage, measure, truth_boxes, views};
+use super::output::{self, Bar};
 use crate::cli::DetectArgs;
-use crate::{output, pictures, plot, setup};
+use grip::benchmark::{DetectionFigures, FileBox, MOST_BOXES, ObjectImage, measure, truth_boxes, views};
+use grip::progress::Progress;
+use grip::{pictures, plot};
 
 /// Detects.
 pub fn run(args: &DetectArgs) -> Result<Done> {
@@ -24,7 +25,7 @@ pub fn run(args: &DetectArgs) -> Result<Done> {
     anyhow::ensure!(args.input.exists(), "{input}: no such picture or data set");
     let threshold = args.least_confidence;
     anyhow::ensure!((0.0..=1.0).contains(&threshold), "--least-confidence {threshold}: must be 0 to 1");
-    let network = setup::network(&args.network)?;
+    let network = args.network.options().open(&args.settings.load()?.perception.detector.pyramid)?;
     let threads = args.jobs.unwrap_or(0) as usize;
     let pool =
         rayon::ThreadPoolBuilder::new().num_threads(threads).build().context("cannot start threads")?;
@@ -138,19 +139,19 @@ fn of_dataset(args: &DetectArgs, network: &PyramidCnn) -> Result<()> {
         images.extend(dataset.images(scene)?.into_iter().map(|image| (scene, image)));
     }
     let latency_s = latency(network, &dataset, &images)?;
-    let progress = bar("images");
-    progress.set_length(images.len() as u64);
+    let progress = Bar::new("images");
+    progress.begin(images.len() as u64, 0);
     let began = Instant::now();
     let looked: Vec<Looked> = images
         .par_iter()
         .map(|key| {
             let looked = look(args, network, &dataset, &classes, *key)
                 .with_context(|| format!("scene {}, image {}", key.0, key.1));
-            progress.inc(1);
+            progress.advance(1);
             looked
         })
         .collect::<Result<_>>()?;
-    progress.finish_and_clear();
+    progress.finish();
     let wall_s = began.elapsed().as_secs_f64();
     if let Some(path) = &args.out {
         let boxes: Vec<FileBox> = looked.iter().flat_map(file_boxes).collect();
@@ -180,7 +181,7 @@ fn latency(network: &PyramidCnn, dataset: &Dataset, images: &[(u32, u32)]) -> Re
 fn classes(network: &PyramidCnn, dataset: &Dataset) -> Result<Vec<(usize, u32)>> {
     let mut classes = Vec::new();
     for id in dataset.model_ids()? {
-        let object = crate::benchmark::load_object(dataset, id)?;
+        let object = grip::benchmark::load_object(dataset, id)?;
         classes.push((network.class_of(&object)?, id));
     }
     Ok(classes)

@@ -8,12 +8,13 @@ use grip_sim::bop::{self, Dataset};
 use serde_json::{Value, json};
 
 use super::Done;
-use crate::benchmark::{
+use super::output;
+use crate::cli::EvalArgs;
+use grip::benchmark::{
     Area, Case, Evaluation, Figures, Lacking, METHODS, PaperTable, Presence, Recall, accuracy_figure,
     evaluate,
 };
-use crate::cli::EvalArgs;
-use crate::{output, plot};
+use grip::plot;
 
 /// Prints the figures.
 pub fn run(args: &EvalArgs) -> Result<Done> {
@@ -98,7 +99,7 @@ fn summary(
         "dataset": args.dataset,
         "split": dataset.split(),
         "results": results,
-        "thresholds_m": crate::benchmark::THRESHOLDS,
+        "thresholds_m": grip::benchmark::THRESHOLDS,
         "ignored": evaluation.ignored,
         "all": evaluation.all,
         "objects": evaluation.objects,

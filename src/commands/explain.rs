@@ -6,9 +6,10 @@ use grip_sim::bop::{self, Dataset};
 use serde_json::json;
 
 use super::Done;
+use super::output;
 use crate::cli::ExplainArgs;
-use crate::explain::{Explained, Explanation, INLIER_M, LEAST_SCORE};
-use crate::{output, pictures, plot};
+use grip::explain::{Explained, Explanation, INLIER_M, LEAST_SCORE};
+use grip::{pictures, plot};
 
 /// Draws the picture.
 pub fn run(args: &ExplainArgs) -> Result<Done> {

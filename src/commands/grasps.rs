@@ -4,14 +4,14 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use anyhow::{Context, Result};
-use grip_manip::grasp_set::{GraspSet, file_name};
-use grip_manip::{Planner, PlannerSettings};
-use grip_sim::robot::RobotConfig;
+use grip_manip::Planner;
+use grip_manip::grasp::GraspSet;
 
 use super::Done;
+use super::output;
 use crate::cli::GraspsArgs;
-use crate::run_dir::RunDir;
-use crate::{assets, output, setup};
+use grip::run_dir::RunDir;
+use grip::setup;
 
 /// Finds the grasps, saves a file an object where `--out` says, prints how many there are.
 pub fn run(args: &GraspsArgs) -> Result<Done> {
@@ -21,11 +21,9 @@ pub fn run(args: &GraspsArgs) -> Result<Done> {
         [] => library.names().map(str::to_string).collect(),
         given => given.to_vec(),
     };
-    let (urdf, robot) = args.robot.load()?;
-    let robot = Arc::new(robot);
-    let config = Arc::new(RobotConfig::load(&assets::find("robots/fetch/fetch.toml")?, &robot)?);
+    let (urdf, robot, config) = args.robot.load()?;
     let name = robot.name().to_string();
-    let planner = Planner::new(robot, config, PlannerSettings::default());
+    let planner = Planner::new(Arc::new(robot), Arc::new(config), args.settings.load()?.planner);
     let mut sets = Vec::new();
     let mut rows = Vec::new();
     for object in &names {
@@ -43,7 +41,7 @@ pub fn run(args: &GraspsArgs) -> Result<Done> {
         rows.push([object.clone(), grasps.candidates.len().to_string(), range, format!("{seconds:.2}")]);
         let set = GraspSet::new(&model, library.set().label(), &name, &grasps.candidates);
         if let Some(folder) = &folder {
-            folder.write(&file_name(object), serde_json::to_string_pretty(&set)?)?;
+            folder.write(&GraspSet::file_name(object), serde_json::to_string_pretty(&set)?)?;
         }
         sets.push(set);
     }

@@ -2,11 +2,11 @@
 
 use anyhow::Result;
 
+use super::output;
 use super::{Done, trials};
 use crate::cli::MergeArgs;
-use crate::experiment::merge::{Merged, merge};
-use crate::experiment::plan::{expected, read_manifest};
-use crate::output;
+use grip::experiment::merge::{Merged, merge};
+use grip::experiment::plan::{expected, read_manifest};
 
 /// Merges, prints the figures of the whole.
 pub fn run(args: &MergeArgs) -> Result<Done> {

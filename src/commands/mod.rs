@@ -6,14 +6,17 @@ mod estimate;
 mod eval;
 mod explain;
 mod grasps;
+mod init;
 mod merge;
 mod objects;
+pub mod output;
 mod pack;
 mod plan;
 mod render;
 mod report;
 mod robot;
 mod scenes;
+mod settings;
 mod sweep;
 mod trials;
 
@@ -59,5 +62,7 @@ pub fn run(cli: Cli) -> anyhow::Result<Done> {
         Command::Grasps(args) => grasps::run(&args),
         Command::Objects(args) => objects::run(&args),
         Command::Robot(args) => robot::run(&args),
+        Command::Init(args) => init::run(&args),
+        Command::Settings(args) => settings::run(&args),
     }
 }

@@ -3,8 +3,9 @@
 use anyhow::Result;
 
 use super::Done;
+use super::output;
 use crate::cli::ObjectsArgs;
-use crate::{output, setup};
+use grip::setup;
 
 /// Prints the table.
 pub fn run(args: &ObjectsArgs) -> Result<Done> {

@@ -1,33 +1,38 @@
 //! `grip pack`: a trial, its run folder, and what to print of it.
 
 use std::path::PathBuf;
-use std::time::Duration;
+use std::sync::Arc;
 
 use anyhow::{Result, ensure};
+use grip::estimators::{DetectorKind, Estimator, EstimatorKind};
+use grip::pictures;
+use grip::run_dir::RunDir;
+use grip::score::outcome::TrialResult;
+use grip::settings::SuccessCriteria;
+use grip::setup::{GROCERY, Setup};
+use grip::trial::{self, Pictures, TrialOptions, TrialRecord, bop, film, report};
+use grip_manip::GraspAt;
 use grip_perception::HypothesisRenderer;
 use grip_sim::objects::ObjectSet;
 use grip_sim::render;
-use indicatif::{ProgressBar, ProgressStyle};
 
 use super::Done;
-use crate::cli::{Detector, Estimator, GraspAt, PackArgs};
-use crate::outcome::TrialResult;
-use crate::perceive::Perception;
-use crate::run_dir::RunDir;
-use crate::scenario::Options;
-use crate::setup::{self, Setup};
-use crate::trial::{self, Pictures, Spec, Trial};
-use crate::{film, looks, output, pictures, report};
+use super::output::{self, Bar};
+use crate::cli::PackArgs;
 
 /// Packs, saves the run, prints the score.
 pub fn run(args: &PackArgs) -> Result<Done> {
     // What a full disk or a wrong --out would spoil is found out before the work, not after it.
     let named = args.out.as_deref().map(RunDir::begin).transpose()?;
-    let mut setup = Setup::load(&args.scene, &args.condition)?;
-    if args.bop {
-        looks::check_seed(setup.seed)?;
+    let mut options = args.scene.options(GROCERY, &args.condition)?;
+    if let Some(at) = args.grasp_at {
+        Arc::make_mut(&mut options.settings).planner.grasp.at = at.into();
     }
-    if args.estimator == Estimator::Grip {
+    let mut setup = Setup::load(&options)?;
+    if args.bop {
+        bop::check_seed(setup.seed)?;
+    }
+    if args.estimator == EstimatorKind::Grip {
         setup.hypotheses = HypothesisRenderer::open(args.hypotheses.into())?;
     }
     let run = match named {
@@ -37,25 +42,28 @@ pub fn run(args: &PackArgs) -> Result<Done> {
     let most = setup.models.len();
     let items = args.items.unwrap_or(most);
     ensure!((1..=most).contains(&items), "--items {items}: the scene has {most} objects; give 1 to {most}");
-    setup::check_network_is_used(
-        &args.network,
-        args.estimator == Estimator::Grip && args.detector == Detector::Pyramid,
+    let (detector, network) = (args.detector.into(), args.network.options());
+    network.check_used(
+        args.estimator == EstimatorKind::Grip && detector == DetectorKind::Pyramid,
         "--detector pyramid and --estimator grip",
     )?;
-    let perception = Perception::open(&setup, &args.estimator, args.detector, &args.network)?;
-    let spec =
-        Spec { estimator: args.estimator.name(), items, pictures: Pictures::All { record: args.record } };
-    let planner = setup.planner_with_grasps(args.grasp_at.into(), args.grasps.as_deref())?;
+    let estimator = Estimator::open(&setup, &args.estimator, detector, &network)?;
+    let planner = setup.planner_with_grasps(args.grasps.as_deref())?;
     let mut renderer = render::open(args.scene.renderer.into())?;
-    let progress = spinner();
-    let options = Options { grasp_at: args.grasp_at, grasps: args.grasps.clone(), renderer: renderer.name() };
-    let trial = trial::run(&setup, &spec, &options, &planner, &perception, renderer.as_mut(), &progress);
-    progress.finish_and_clear();
+    let options = TrialOptions {
+        estimator: args.estimator.name(),
+        items: Some(items),
+        grasps: args.grasps.clone(),
+        pictures: Pictures::All { record: args.record },
+    };
+    let progress = Bar::spinner();
+    let trial = trial::run(&setup, &estimator, &planner, renderer.as_mut(), options, &progress);
+    progress.finish();
     let trial = trial?;
 
     save(&run, &trial)?;
     if args.bop {
-        looks::write(&run.folder("bop")?, &setup, &trial.looks)?;
+        bop::write(&run.folder("bop")?, &setup, &trial.looks)?;
     }
     let folder = run.finish()?;
     if args.json {
@@ -63,7 +71,7 @@ pub fn run(args: &PackArgs) -> Result<Done> {
     } else {
         output::data(format_args!("{}", table(&trial.result)))?;
         if args.strict {
-            output::data(format_args!("\n{}", clauses(&trial.result)))?;
+            output::data(format_args!("\n{}", clauses(&trial.result, &setup.settings.success)))?;
         }
     }
     let page = folder.join("report.html");
@@ -74,9 +82,10 @@ pub fn run(args: &PackArgs) -> Result<Done> {
 }
 
 fn default_folder(args: &PackArgs, setup: &Setup) -> PathBuf {
-    let mut parts = vec![setup.scene.name.clone(), setup.condition.name.clone(), args.estimator.name()];
-    if args.detector != Detector::Pyramid {
-        parts.push(args.detector.name().into());
+    let mut parts = vec![setup.cell.scene.name.clone(), setup.condition.name.clone(), args.estimator.name()];
+    let detector = DetectorKind::from(args.detector);
+    if detector != DetectorKind::Pyramid {
+        parts.push(detector.name().into());
     }
     if let Some(model) = &args.network.detector_model {
         parts.push(model.file_stem().unwrap_or_default().to_string_lossy().into_owned());
@@ -87,11 +96,14 @@ fn default_folder(args: &PackArgs, setup: &Setup) -> PathBuf {
     if setup.hypotheses.name() != "cpu" {
         parts.push(setup.hypotheses.name().into());
     }
-    if args.grasp_at != GraspAt::Posterior {
+    if setup.settings.planner.grasp.at == GraspAt::Best {
         parts.push("grasp-at-best".into());
     }
     if args.grasps.is_some() {
         parts.push("grasps".into());
+    }
+    if let Some(file) = &args.scene.settings.settings {
+        parts.push(file.file_stem().unwrap_or_default().to_string_lossy().into_owned());
     }
     if let Some(items) = args.items {
         parts.push(format!("items{items}"));
@@ -100,17 +112,7 @@ fn default_folder(args: &PackArgs, setup: &Setup) -> PathBuf {
     PathBuf::from("runs").join(parts.join("-"))
 }
 
-/// Shown on a terminal only; silent in pipes and logs.
-fn spinner() -> ProgressBar {
-    let progress = ProgressBar::new_spinner();
-    if let Ok(style) = ProgressStyle::with_template("{spinner} {elapsed} {msg}") {
-        progress.set_style(style);
-    }
-    progress.enable_steady_tick(Duration::from_millis(120));
-    progress
-}
-
-fn save(run: &RunDir, trial: &Trial) -> Result<()> {
+fn save(run: &RunDir, trial: &TrialRecord) -> Result<()> {
     run.write("scenario.json", serde_json::to_string_pretty(trial.scenario.json())?)?;
     run.write("result.json", serde_json::to_string_pretty(&trial.result)?)?;
     for (i, look) in trial.looks.iter().enumerate() {
@@ -136,20 +138,34 @@ fn save(run: &RunDir, trial: &Trial) -> Result<()> {
 }
 
 /// Each clause of each item that was tried, with its value and its bound.
-fn clauses(result: &TrialResult) -> String {
+fn clauses(result: &TrialResult, bound: &SuccessCriteria) -> String {
     let rows = result.items.iter().filter(|item| item.attempts > 0).flat_map(|item| {
         let m = &item.measures;
         let values = [
-            format!("{:.1} N, dot product {:.2} (at least 1 N for 25 ms, at most -0.3)", m.pinch_n, m.pinch_dot),
-            format!("rose {:.0} mm (at least 30, touching nothing)", 1e3 * m.risen_m),
-            format!("for {:.2} s at the end of the carry (at least 0.1)", m.clear_s),
-            format!("{:.1} mm and {:.1} degrees (at most 20 and 20)", 1e3 * m.slip_m, m.slip_deg),
             format!(
-                "{:.0} mm below the edge, {:.1} mm/s (centre within the walls, under 10 mm/s, touching only bin and items)",
-                1e3 * m.below_edge_m,
-                1e3 * m.speed_m_s
+                "{:.1} N, dot product {:.2} (at least {} N for {:.0} ms, at most {})",
+                m.pinch_n,
+                m.pinch_dot,
+                bound.finger_force_n,
+                1e3 * bound.pinch_s,
+                bound.opposing_dot
             ),
-            format!("leans {:.0} degrees (at most 30 if it must stand)", m.tilt_deg),
+            format!("rose {:.0} mm (at least {:.0}, touching nothing)", 1e3 * m.risen_m, 1e3 * bound.lift_m),
+            format!("for {:.2} s at the end of the carry (at least {})", m.clear_s, bound.hold_s),
+            format!(
+                "{:.1} mm and {:.1} degrees (at most {:.0} and {:.0})",
+                1e3 * m.slip_m,
+                m.slip_deg,
+                1e3 * bound.slip_m,
+                bound.slip_deg
+            ),
+            format!(
+                "{:.0} mm below the edge, {:.1} mm/s (centre within the walls, under {:.0} mm/s, touching only bin and items)",
+                1e3 * m.below_edge_m,
+                1e3 * m.speed_m_s,
+                1e3 * bound.at_rest_m_s
+            ),
+            format!("leans {:.0} degrees (at most {:.0} if it must stand)", m.tilt_deg, bound.tilt_deg),
             format!("{} other items (none)", m.knocked_out),
         ];
         item.clauses.by_name().into_iter().zip(values).enumerate().map(|(i, ((name, holds), value))| {

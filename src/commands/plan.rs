@@ -3,18 +3,16 @@
 use std::sync::Arc;
 
 use anyhow::{Context, Result};
-use grip_manip::moveit::{find_problems, load_problem};
-use grip_manip::solve::{ProblemResult, ProblemStatus};
-use grip_manip::{Planner, PlannerSettings};
-use grip_sim::robot::RobotConfig;
-use indicatif::ProgressBar;
+use grip_manip::Planner;
+use grip_manip::benchmark::{ProblemResult, ProblemStatus, find_problems, load_problem};
 use rayon::prelude::*;
 use serde::Serialize;
 
 use super::Done;
-use crate::benchmark::quantile;
+use super::output::{self, Bar};
 use crate::cli::PlanArgs;
-use crate::{assets, output};
+use grip::benchmark::quantile;
+use grip::progress::Progress;
 
 /// All problems of a folder, or those of a run.
 #[derive(Debug, Serialize)]
@@ -40,30 +38,30 @@ struct Summary {
 
 /// Solves, checks and prints.
 pub fn run(args: &PlanArgs) -> Result<Done> {
-    let (urdf, robot) = args.robot.load()?;
-    let robot = Arc::new(robot);
-    let config = Arc::new(RobotConfig::load(&assets::find("robots/fetch/fetch.toml")?, &robot)?);
+    let (urdf, robot, config) = args.robot.load()?;
+    let (robot, config) = (Arc::new(robot), Arc::new(config));
     let problems = find_problems(&args.problems)?
         .iter()
         .map(|(request, scene)| load_problem(request, scene, &robot, &config))
         .collect::<Result<Vec<_>, _>>()?;
-    let planner = Planner::new(robot, config, PlannerSettings::default());
+    let planner = Planner::new(robot, config, args.settings.load()?.planner);
     let pool = rayon::ThreadPoolBuilder::new()
         .num_threads(args.jobs)
         .build()
         .context("cannot start the workers; try --jobs 1")?;
-    let progress = ProgressBar::new(problems.len() as u64);
+    let progress = Bar::new("problems");
+    progress.begin(problems.len() as u64, 0);
     let results: Vec<ProblemResult> = pool.install(|| {
         problems
             .par_iter()
             .map(|problem| {
                 let (result, _) = planner.solve(problem, args.seed);
-                progress.inc(1);
+                progress.advance(1);
                 result
             })
             .collect()
     });
-    progress.finish_and_clear();
+    progress.finish();
 
     let mut sets: Vec<&str> = results.iter().map(set_of).collect();
     sets.dedup();

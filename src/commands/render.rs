@@ -5,11 +5,11 @@ use grip_sim::render;
 use serde::Serialize;
 
 use super::Done;
+use super::output;
 use crate::cli::RenderArgs;
-use crate::output;
-use crate::pictures;
-use crate::run_dir::RunDir;
-use crate::setup::Setup;
+use grip::pictures;
+use grip::run_dir::RunDir;
+use grip::setup::{GROCERY, Setup};
 
 /// camera.json: all that is needed to use the pictures.
 #[derive(Serialize)]
@@ -39,7 +39,7 @@ struct Label<'a> {
 /// Draws a scene and writes the pictures.
 pub fn run(args: &RenderArgs) -> Result<Done> {
     let run = RunDir::begin(&args.out)?;
-    let setup = Setup::load(&args.scene, &args.condition)?;
+    let setup = Setup::load(&args.scene.options(GROCERY, &args.condition)?)?;
     let mut renderer = render::open(args.scene.renderer.into())?;
     let (world, _) = setup.drop_objects()?;
     let (frame, rendering) = setup.capture(&world, renderer.as_mut(), 0)?;
@@ -51,17 +51,17 @@ pub fn run(args: &RenderArgs) -> Result<Done> {
             world_from_object: Some(world.truth(i)),
         })
         .collect();
-    labels.push(Label { label: grip_sim::physics::ROBOT_LABEL, name: "robot", world_from_object: None });
+    labels.push(Label { label: grip_physics::ROBOT_LABEL, name: "robot", world_from_object: None });
     let camera = CameraFile {
         schema: "grip.camera/1",
-        scene: &setup.scene.name,
+        scene: &setup.cell.scene.name,
         condition: &setup.condition.name,
         seed: setup.seed,
         renderer: renderer.name(),
         object_set: setup.library.set().label(),
         intrinsics: frame.intrinsics,
         depth_scale_m: 0.001,
-        depth_noise: &setup.scene.camera.depth_noise,
+        depth_noise: &setup.cell.scene.camera.depth_noise,
         world_from_camera: frame.world_from_camera,
         labels,
     };

@@ -4,9 +4,9 @@ use anyhow::{Context, Result, ensure};
 use grip_sim::bop;
 
 use super::Done;
+use super::output;
 use crate::cli::ReportArgs;
-use crate::experiment::report::{Sources, html, tables};
-use crate::output;
+use grip::experiment::report::{Sources, html, tables};
 
 /// Reads, draws, writes.
 pub fn run(args: &ReportArgs) -> Result<Done> {

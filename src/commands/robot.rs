@@ -3,12 +3,12 @@
 use anyhow::Result;
 
 use super::Done;
+use super::output;
 use crate::cli::RobotArgs;
-use crate::output;
 
 /// Prints joints, limits and the count of what was read.
 pub fn run(args: &RobotArgs) -> Result<Done> {
-    let (urdf, robot) = args.robot.load()?;
+    let (urdf, robot, _) = args.robot.load()?;
     let loaded = robot.loaded();
     if args.json {
         let joints: Vec<_> = robot

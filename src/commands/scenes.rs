@@ -1,66 +1,41 @@
 //! `grip scenes`: a data set, and what to print of it.
 
 use std::path::Path;
-use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use anyhow::{Context, Result};
+use anyhow::Result;
 use grip_sim::bop::{self, Dataset};
-use grip_sim::objects::ObjectModel;
 use grip_sim::render;
-use indicatif::{ProgressBar, ProgressStyle};
 use serde_json::json;
 
 use super::Done;
+use super::output::{self, Bar};
 use crate::cli::ScenesArgs;
-use crate::dataset::{self, Made, Plan, preview};
-use crate::setup::Setup;
-use crate::{output, pictures};
+use grip::dataset::{self, Made, Plan, preview};
+use grip::setup::{ADVERSARIAL, Setup};
+use grip::{pictures, workers};
 
 /// Makes the data set, its contact sheet, or both.
 pub fn run(args: &ScenesArgs) -> Result<Done> {
     if args.preview && !args.resume && args.out.join(&args.split).is_dir() {
         return preview(&args.out, &args.split);
     }
-    let mut setup = Setup::open(&args.scene, "scenes/adversarial.toml", "base")?;
-    if !args.objects.is_empty() {
-        choose(&mut setup, &args.objects)?;
-    }
+    let mut setup = Setup::open(&args.scene.options(ADVERSARIAL, "base")?)?;
     let device = render::open(args.scene.renderer.into())?.device();
-    let plan = Plan::new(args, &setup, device)?;
+    let plan = Plan::new(&args.options(), &mut setup, device)?;
     plan.claim(&args.out, args.resume)?;
-    let jobs = args.jobs.unwrap_or_else(|| crate::workers::cores() as u32);
+    let jobs = args.jobs.unwrap_or_else(|| workers::cores() as u32);
 
     let began = Instant::now();
-    let progress = bar();
+    let progress = Bar::new("frames");
     let made = dataset::make(&setup, &plan, &args.out, jobs, args.scene.renderer.into(), &progress);
-    progress.finish_and_clear();
+    progress.finish();
     let made = made?;
     report(args, &plan, &made, began.elapsed())?;
     if args.preview {
         preview(&args.out, &args.split)?;
     }
     Ok(Done::Fully)
-}
-
-/// Reduces the scene to the objects named.
-fn choose(setup: &mut Setup, names: &[String]) -> Result<()> {
-    let models: Vec<Arc<ObjectModel>> =
-        names.iter().map(|name| setup.library.load(name).context("--objects")).collect::<Result<_>>()?;
-    for (i, name) in names.iter().enumerate() {
-        anyhow::ensure!(
-            !names[..i].contains(name),
-            "--objects: '{name}' stands twice; each object may stand once"
-        );
-    }
-    if let Some(count) = &mut setup.scene.objects.count {
-        count.min = count.min.min(names.len());
-        count.max = count.max.min(names.len());
-    }
-    setup.scene.objects.names = names.to_vec();
-    setup.scene.objects.placed.retain(|placed| names.contains(&placed.name));
-    setup.models = models;
-    Ok(())
 }
 
 fn report(args: &ScenesArgs, plan: &Plan, made: &Made, wall: Duration) -> Result<()> {
@@ -113,9 +88,4 @@ fn preview(out: &Path, split: &str) -> Result<Done> {
     bop::write_atomic(&path, &pictures::rgb_png(&preview::sheet(&dataset)?)?)?;
     output::message(format_args!("contact sheet: {}", path.display()));
     Ok(Done::Fully)
-}
-
-fn bar() -> ProgressBar {
-    let style = ProgressStyle::with_template("{bar:32} {pos}/{len} frames, {per_sec}, {eta} left");
-    ProgressBar::new(0).with_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()))
 }

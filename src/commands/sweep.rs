@@ -2,35 +2,25 @@
 
 use std::time::Instant;
 
-use anyhow::{Context, Result, bail, ensure};
+use anyhow::Result;
 
 use super::Done;
-use crate::cli::{GraspAt, Mode, Renderer, SceneArgs, SweepArgs};
-use crate::experiment::sweep::errors::{Axis, along_axes, isotropic};
-use crate::experiment::sweep::fits::{Fall, ObjectResult, results};
-use crate::experiment::sweep::{GraspLine, Sweep};
-use crate::setup::Setup;
-use crate::{output, workers};
-
-/// The published protocol's six, in the order of its table.
-const OBJECTS: [&str; 6] = [
-    "005_tomato_soup_can",
-    "010_potted_meat_can",
-    "003_cracker_box",
-    "006_mustard_bottle",
-    "011_banana",
-    "040_large_marker",
-];
+use super::output::{self, Bar};
+use crate::cli::SweepArgs;
+use grip::experiment::sweep::errors::Axis;
+use grip::experiment::sweep::fits::{Fall, ObjectResult, results};
+use grip::experiment::sweep::{GraspLine, Sweep};
+use grip::workers;
 
 /// Tries what is missing, prints the figures of all.
 pub fn run(args: &SweepArgs) -> Result<Done> {
     let began = Instant::now();
-    let sweep = open(args)?;
+    let sweep = Sweep::open(&args.options()?)?;
     sweep.begin(&args.out, args.resume)?;
-    let progress = output::progress("grasps");
+    let progress = Bar::new("grasps");
     let jobs = args.jobs.map_or_else(workers::cores, |jobs| jobs as usize);
     let done = sweep.run(&args.out, jobs, &progress);
-    progress.finish_and_clear();
+    progress.finish();
     let (lines, kept) = done?;
     print(&lines, args.json)?;
     let (run, seconds) = (lines.len() - kept, began.elapsed().as_secs_f64());
@@ -45,76 +35,6 @@ pub fn run(args: &SweepArgs) -> Result<Done> {
         return Ok(Done::Short);
     }
     Ok(Done::Fully)
-}
-
-fn open(args: &SweepArgs) -> Result<Sweep> {
-    let [millimetres, degrees] = args.range[..] else {
-        anyhow::bail!("--range: give two numbers, millimetres and degrees, such as 40,45");
-    };
-    for (value, most, what) in [(millimetres, 200.0, "millimetres"), (degrees, 180.0, "degrees")] {
-        ensure!(
-            value.is_finite() && (0.0..=most).contains(&value) && value > 0.0,
-            "--range: {value} {what}: must be above 0 and at most {most}"
-        );
-    }
-    let setup = setup(args)?;
-    let strongest = setup.config.gripper.max_force;
-    for (value, most, option) in [(args.friction, 2.0, "--friction"), (args.force, strongest, "--force")] {
-        if let Some(value) = value {
-            ensure!(
-                value.is_finite() && value > 0.0 && value <= most,
-                "{option} {value}: must be above 0 and at most {most}"
-            );
-        }
-    }
-    if let Some((_, twice)) = args.axes.iter().enumerate().find(|(i, axis)| args.axes[..*i].contains(axis)) {
-        bail!("--axes: {} is given twice; once is enough", twice.name());
-    }
-    let (metres, radians) = (1e-3 * millimetres, degrees.to_radians());
-    let cases = match args.mode {
-        Mode::Axis => along_axes(&args.axes, metres, radians, args.samples.unwrap_or(9)),
-        Mode::Isotropic => {
-            ensure!(
-                args.axes == Axis::ALL,
-                "--axes: is for --mode axis; isotropic errors are in all directions"
-            );
-            isotropic(metres, radians, args.samples.unwrap_or(20))
-        }
-    };
-    let objects: Vec<String> = match args.objects.as_slice() {
-        [] => OBJECTS.map(String::from).to_vec(),
-        given => given.to_vec(),
-    };
-    for (i, object) in objects.iter().enumerate() {
-        ensure!(!objects[..i].contains(object), "{object} is given twice; once is enough");
-        setup.library.load(object).with_context(|| "objects to try".to_string())?;
-    }
-    let last = args.seed.checked_add(u64::from(args.seeds));
-    ensure!(last.is_some(), "--seed {}: too large; give a lower one", args.seed);
-    Ok(Sweep {
-        planner: setup.planner(GraspAt::Best.into()),
-        setup,
-        objects,
-        seeds: (args.seed, args.seeds),
-        cases,
-        strategy: args.grasp,
-        friction: args.friction,
-        force_n: args.force,
-    })
-}
-
-/// The scene that the objects are laid out in.
-fn setup(args: &SweepArgs) -> Result<Setup> {
-    let scene_args = SceneArgs {
-        scene: args.scene.clone(),
-        seed: args.seed,
-        // Nothing is drawn.
-        renderer: Renderer::Cpu,
-        ycb: args.ycb.clone(),
-        robot: args.robot.robot.clone(),
-        package_path: args.robot.package_path.clone(),
-    };
-    Setup::open(&scene_args, "scenes/grocery.toml", "base")
 }
 
 /// The figures of a sweep: a table, or JSON.

@@ -6,26 +6,27 @@ use anyhow::{Result, bail};
 use grip_sim::render;
 
 use super::Done;
+use super::output::{self, Bar};
 use crate::cli::TrialsArgs;
-use crate::experiment::items;
-use crate::experiment::plan::Plan;
-use crate::experiment::report::p_value;
-use crate::experiment::summary::{cells, pairs};
-use crate::experiment::trials::{self, LeftOut, Ran};
-use crate::outcome::TrialResult;
-use crate::{output, workers};
+use grip::experiment::items;
+use grip::experiment::plan::Plan;
+use grip::experiment::report::p_value;
+use grip::experiment::summary::{cells, pairs};
+use grip::experiment::trials::{self, LeftOut, Ran};
+use grip::score::outcome::TrialResult;
+use grip::workers;
 
 /// Runs what is missing, prints the figures of all.
 pub fn run(args: &TrialsArgs) -> Result<Done> {
     let began = Instant::now();
     // Its name alone: every thread opens its own.
     let renderer = render::open(args.renderer.into())?.name();
-    let plan = Plan::new(args, renderer)?;
+    let plan = Plan::new(&args.options()?, renderer)?;
     plan.begin(&args.out, args.resume)?;
-    let progress = output::progress("trials");
+    let progress = Bar::new("trials");
     let jobs = args.jobs.map_or_else(workers::cores, |jobs| jobs as usize);
     let done = trials::run(&plan, &args.out, jobs, args.renderer.into(), &progress);
-    progress.finish_and_clear();
+    progress.finish();
     let Ran { results, kept, left_out } = done?;
     if let (true, Some(LeftOut { key, reason })) = (results.is_empty(), left_out.first()) {
         bail!("seed {}, scene {}, condition {}: {reason}", key.seed, key.scene, key.condition);

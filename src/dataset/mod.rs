@@ -15,10 +15,10 @@ use std::time::Instant;
 use anyhow::{Context, Result};
 use grip_sim::bop::{self, Dataset};
 use grip_sim::render::{self, RendererChoice};
-use indicatif::ProgressBar;
 
-pub use self::plan::Plan;
+pub use self::plan::{CameraPlace, DatasetOptions, PAPER_VIEWS, Plan};
 pub use self::scene::Timings;
+use crate::progress::Progress;
 use crate::setup::Setup;
 use crate::workers;
 
@@ -45,7 +45,7 @@ pub fn make(
     out: &Path,
     jobs: u32,
     renderer: RendererChoice,
-    progress: &ProgressBar,
+    progress: &dyn Progress,
 ) -> Result<Made> {
     let split = out.join(&plan.split);
     std::fs::create_dir_all(&split).with_context(|| {
@@ -57,9 +57,8 @@ pub fn make(
     }
     let missing: Vec<u32> = (1..=plan.scenes).filter(|i| !split.join(format!("{i:06}")).exists()).collect();
     let kept = plan.scenes - missing.len() as u32;
-    progress.set_length(u64::from(plan.scenes) * plan.views.len() as u64);
-    progress.set_position(u64::from(kept) * plan.views.len() as u64);
-    progress.reset_eta();
+    let frames = |scenes: u32| u64::from(scenes) * plan.views.len() as u64;
+    progress.begin(frames(plan.scenes), frames(kept));
 
     if !out.join("models").exists() {
         bop::export_models(&out.join("models"), setup.models.iter().map(|model| &**model))?;

@@ -1,24 +1,69 @@
-//! What a data set is made of: the command line and all files that it names, resolved. Saved as `dataset.json`.
+//! What a data set is made of: options and all files that they name, resolved. Saved as `dataset.json`.
 
 use std::path::Path;
+use std::sync::Arc;
 
 use anyhow::{Context, Result, bail, ensure};
 use grip_sim::bop::{self, CameraFile};
 use grip_sim::camera::{Distortion, Intrinsics};
 use grip_sim::condition::{ConditionSpec, Placement};
+use grip_sim::objects::ObjectModel;
 use grip_sim::scene::Scene;
-use grip_sim::sensor::depth::DepthNoise;
+use grip_sim::sensor::Sensors;
 use grip_sim::sensor::lens::Lens;
 use serde::Serialize;
 
-use crate::cli::{CameraPlace, ScenesArgs};
 use crate::setup::{self, Setup};
 
 /// Millimetres in a unit of the depth pictures: fine beside every sensor's steps, and reaches 6.5 m.
 pub const DEPTH_SCALE_MM: f64 = 0.1;
 
+/// Where the camera of a data set is.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum CameraPlace {
+    /// The robot's head, looking at the scene's `look_at`.
+    #[default]
+    Head,
+    /// On a sphere about the objects.
+    Sphere,
+}
+
+/// What a data set is to be. The default is the paper's adversarial set.
+#[derive(Debug, Clone)]
+pub struct DatasetOptions {
+    /// How many scenes, 1 to 999999: each with its own objects, surroundings and light.
+    pub scenes: u32,
+    /// Objects to draw from, by name; the scene's where it is empty.
+    pub objects: Vec<String>,
+    /// Frames of each scene: a name of [`PAPER_VIEWS`], or `NAME=CONDITION`.
+    pub views: Vec<String>,
+    /// Where the camera is.
+    pub camera: CameraPlace,
+    /// Depth noise preset in place of the scene's.
+    pub depth_noise: Option<String>,
+    /// Lens distortion by OpenCV's coefficients k1, k2, p1, p2, k3; none where it is empty.
+    pub distortion: Vec<f64>,
+    /// Name of the split's folder.
+    pub split: String,
+}
+
+impl Default for DatasetOptions {
+    fn default() -> Self {
+        Self {
+            scenes: 40,
+            objects: Vec::new(),
+            views: PAPER_VIEWS.map(|(name, _)| name.to_owned()).to_vec(),
+            camera: CameraPlace::Head,
+            depth_noise: None,
+            distortion: Vec::new(),
+            split: "test".into(),
+        }
+    }
+}
+
 /// The frames of the paper's test set and their conditions.
-const PAPER_VIEWS: [(&str, &str); 7] = [
+pub const PAPER_VIEWS: [(&str, &str); 7] = [
     ("B", "base"),
     ("D", "dark"),
     ("D1", "light-left"),
@@ -61,7 +106,8 @@ pub struct Plan {
     pub lens: Option<Lens>,
     depth_noise_name: String,
     #[serde(skip)]
-    pub depth_noise: DepthNoise,
+    /// How pictures differ from the true ones.
+    pub sensors: Sensors,
     object_set: String,
     renderer: String,
     /// The scene file, with the objects to draw from.
@@ -69,12 +115,16 @@ pub struct Plan {
 }
 
 impl Plan {
-    /// Puts the command line and `setup` together; `device` says what draws.
+    /// Puts the options and `setup` together, which keeps the objects that they name; `device` says what draws.
     ///
     /// # Errors
     /// When a view, its condition, an object or a number is wrong: names the option and what to try.
-    pub fn new(args: &ScenesArgs, setup: &Setup, device: String) -> Result<Self> {
-        let views = args.views.iter().map(|text| view(text, &setup.folder)).collect::<Result<Vec<_>>>()?;
+    pub fn new(options: &DatasetOptions, setup: &mut Setup, device: String) -> Result<Self> {
+        if !options.objects.is_empty() {
+            choose(setup, &options.objects)?;
+        }
+        let views =
+            options.views.iter().map(|text| view(text, &setup.cell.folder)).collect::<Result<Vec<_>>>()?;
         for (i, view) in views.iter().enumerate() {
             ensure!(
                 views[..i].iter().all(|earlier| earlier.name != view.name),
@@ -83,34 +133,34 @@ impl Plan {
             );
         }
         let depth_noise_name =
-            args.depth_noise.clone().unwrap_or_else(|| setup.scene.camera.depth_noise.clone());
-        let depth_noise = DepthNoise::from_name(&depth_noise_name).context("--depth-noise")?;
-        let distortion = distortion(&args.distortion, &setup.intrinsics)?;
+            options.depth_noise.clone().unwrap_or_else(|| setup.cell.scene.camera.depth_noise.clone());
+        let sensors = setup.settings.sensor.sensors(&depth_noise_name).context("--depth-noise")?;
+        let distortion = distortion(&options.distortion, &setup.camera.intrinsics)?;
         let plain = |c: char| c.is_ascii_alphanumeric() || c == '-' || c == '_';
         ensure!(
-            !args.split.is_empty() && args.split.chars().all(plain),
+            !options.split.is_empty() && options.split.chars().all(plain),
             "--split {}: must be of letters, digits, '-' and '_'",
-            args.split
+            options.split
         );
         Ok(Self {
             schema: "grip.dataset/1",
             program: concat!("grip ", env!("CARGO_PKG_VERSION")),
             seed: setup.seed,
-            scenes: args.scenes,
-            split: args.split.clone(),
+            scenes: options.scenes,
+            split: options.split.clone(),
             views,
-            camera: args.camera,
-            intrinsics: setup.intrinsics,
+            camera: options.camera,
+            intrinsics: setup.camera.intrinsics,
             lens: (!distortion.is_none())
-                .then(|| Lens::new(&setup.intrinsics, &distortion))
+                .then(|| Lens::new(&setup.camera.intrinsics, &distortion))
                 .transpose()
                 .context("--distortion")?,
             distortion,
             depth_noise_name,
-            depth_noise,
+            sensors,
             object_set: setup.library.set().label().into(),
             renderer: device,
-            scene: setup.scene.clone(),
+            scene: setup.cell.scene.clone(),
         })
     }
 
@@ -164,6 +214,23 @@ impl Plan {
         let Intrinsics { width, height, fx, fy, cx, cy } = self.intrinsics;
         CameraFile { width, height, fx, fy, cx, cy, depth_scale: Some(DEPTH_SCALE_MM) }
     }
+}
+
+/// Reduces the scene to the objects named.
+fn choose(setup: &mut Setup, names: &[String]) -> Result<()> {
+    let models: Vec<Arc<ObjectModel>> =
+        names.iter().map(|name| setup.library.load(name).context("--objects")).collect::<Result<_>>()?;
+    for (i, name) in names.iter().enumerate() {
+        ensure!(!names[..i].contains(name), "--objects: '{name}' stands twice; each object may stand once");
+    }
+    if let Some(count) = &mut setup.cell.scene.objects.count {
+        count.min = count.min.min(names.len());
+        count.max = count.max.min(names.len());
+    }
+    setup.cell.scene.objects.names = names.to_vec();
+    setup.cell.scene.objects.placed.retain(|placed| names.contains(&placed.name));
+    setup.models = models;
+    Ok(())
 }
 
 /// `B`, or `NAME=CONDITION`.

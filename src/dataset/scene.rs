@@ -8,25 +8,24 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use anyhow::Result;
+use grip_physics::{Accept, LaidOut, Placed, ROBOT_LABEL, World, drop_objects};
 use grip_sim::bop::{FrameFiles, GtInfo, ObjectInFrame, SceneWriter, gt_info};
 use grip_sim::camera::Intrinsics;
 use grip_sim::condition::Condition;
 use grip_sim::images::{DepthImage, Image, LabelImage};
 use grip_sim::objects::ObjectModel;
-use grip_sim::physics::{Accept, LaidOut, Placed, ROBOT_LABEL, World, drop_objects};
 use grip_sim::pose::{Camera, Object, Pose, World as WorldFrame};
 use grip_sim::render::{self, Bounce, RenderScene, Renderer, Rendering, Silhouette};
 use grip_sim::rng;
 use grip_sim::scene::Scene;
 use grip_sim::sensor;
 use grip_sim::sensor::lens::Lens;
-use indicatif::ProgressBar;
 use nalgebra::Point3;
 use rand::RngExt;
 use serde::Serialize;
 
-use super::plan::{DEPTH_SCALE_MM, Plan, View};
-use crate::cli::CameraPlace;
+use super::plan::{CameraPlace, DEPTH_SCALE_MM, Plan, View};
+use crate::progress::Progress;
 use crate::setup::Setup;
 
 /// Least share of an object's silhouette that must be seen, and that must lie inside the picture.
@@ -40,14 +39,20 @@ const NEAREST_M: f32 = 0.36;
 /// Where the time of a scene went.
 #[derive(Debug, Default, Clone, Copy)]
 pub struct Timings {
+    /// Laying objects out.
     pub physics: Duration,
+    /// Drawing.
     pub render: Duration,
+    /// Noise, exposure and distortion.
     pub sensor: Duration,
+    /// Masks of objects.
     pub masks: Duration,
+    /// Encoding and writing files.
     pub write: Duration,
 }
 
 impl Timings {
+    /// Sums up.
     pub fn add(&mut self, other: &Self) {
         self.physics += other.physics;
         self.render += other.render;
@@ -102,7 +107,7 @@ pub fn make(
     split: &Path,
     number: u32,
     renderer: &mut dyn Renderer,
-    progress: &ProgressBar,
+    progress: &dyn Progress,
 ) -> Result<Done> {
     let mut refused = Vec::new();
     let mut draw = 0;
@@ -113,7 +118,7 @@ pub fn make(
                 if draw + 1 < DRAWS
                     && matches!(
                         error.downcast_ref(),
-                        Some(grip_sim::Error::World(_) | grip_sim::Error::NoLayout(_))
+                        Some(grip_physics::Error::World(_) | grip_physics::Error::NoLayout(_))
                     ) =>
             {
                 refused.push(format!("draw {draw}: {error:#}"));
@@ -123,7 +128,7 @@ pub fn make(
         }
     };
     done.rejected += refused.len();
-    progress.inc(plan.views.len() as u64);
+    progress.advance(plan.views.len() as u64);
     Ok(done)
 }
 
@@ -231,7 +236,7 @@ impl Making<'_> {
         let began = Instant::now();
         let seed: u64 = rng::stream(self.seed, &format!("layout/{name}")).random();
         let world_from_camera = match self.plan.camera {
-            CameraPlace::Head => setup.head_camera(),
+            CameraPlace::Head => setup.cell.world_from_camera(&setup.cell.start),
             CameraPlace::Sphere => {
                 let [x, y] = scene.objects.center;
                 let center = Point3::new(x, y, scene.table.height + 0.03);
@@ -248,10 +253,14 @@ impl Making<'_> {
         let glance = Glance::new(camera_from_world, pinhole);
         let accept =
             Accept { glance: &|placed| glance.accepts(placed), look: &|placed| outlines(placed).map(|_| ()) };
+        let physics = &setup.settings.physics;
+        let cell = &setup.cell;
         let fresh = || {
-            World::new(scene, setup.robot.clone(), &setup.config, setup.start.clone()).map(World::for_layout)
+            World::new(scene, cell.robot.clone(), &cell.config, cell.start.clone(), physics)
+                .map(World::for_layout)
         };
-        let dropped = drop_objects(scene, models, condition.placement, seed, accept, fresh);
+        let placement = condition.placement;
+        let dropped = drop_objects(scene, models, placement, &physics.placement, seed, accept, fresh);
         self.timings.physics += began.elapsed();
         let (world, dropped) = dropped?;
         self.rejected.extend(dropped.rejected.into_iter().map(|reason| format!("{name}: {reason}")));
@@ -298,16 +307,10 @@ impl Making<'_> {
     ) -> Result<()> {
         let rendering = self.draw(layout, condition, renderer)?;
         let began = Instant::now();
-        let Plan { intrinsics, depth_noise, .. } = self.plan;
+        let Plan { intrinsics, sensors, .. } = self.plan;
         let mut random = rng::stream(self.seed, &format!("sensor/{}", view.name));
-        let frame = sensor::sense(
-            &rendering,
-            condition,
-            intrinsics,
-            &layout.world_from_camera,
-            depth_noise,
-            &mut random,
-        );
+        let frame =
+            sensor::sense(&rendering, condition, intrinsics, &layout.world_from_camera, sensors, &mut random);
         self.timings.sensor += began.elapsed();
 
         let began = Instant::now();

@@ -11,7 +11,7 @@ use parquet::file::properties::WriterProperties;
 use parquet::file::writer::SerializedFileWriter;
 use parquet::schema::types::Type;
 
-use crate::outcome::{ItemResult, Outcome, TrialResult};
+use crate::score::outcome::{ItemResult, Outcome, TrialResult};
 
 /// The table's name in an experiment's folder.
 pub const FILE: &str = "items.parquet";

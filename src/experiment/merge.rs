@@ -9,8 +9,8 @@ use serde_json::Value;
 use super::plan::{BUILD, FILMS, Key, LEFT_OUT, MANIFEST, TIMINGS, TRIALS, differs, read_manifest};
 use super::trials::{LeftOut, TimingLine};
 use super::{items, journal};
-use crate::outcome::TrialResult;
 use crate::run_dir::RunDir;
+use crate::score::outcome::TrialResult;
 
 /// A whole experiment.
 pub struct Merged {

@@ -12,14 +12,13 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use sha2::{Digest, Sha256};
 
-use crate::cli::{self, SceneArgs, TrialsArgs};
-use crate::outcome::TrialResult;
-use crate::perceive::Perception;
-use crate::scenario::{Options, Scenario, hex};
-use crate::setup::{self, Setup};
+use crate::estimators::{DetectorKind, Estimator, EstimatorKind, NetworkOptions, Recorded};
+use crate::scenario::{Scenario, hex, program};
+use crate::score::outcome::TrialResult;
+use crate::setup::{self, Setup, SetupOptions};
 
 /// Version of experiment.json.
-pub const SCHEMA: &str = "grip.experiment/2";
+pub const SCHEMA: &str = "grip.experiment/3";
 /// What an experiment is, in its folder.
 pub const MANIFEST: &str = "experiment.json";
 /// Its results, a trial a line.
@@ -85,6 +84,45 @@ impl Key {
     }
 }
 
+/// What an experiment is to be. The default is ten trials of the grocery scene in base light with GRIP.
+#[derive(Debug, Clone)]
+pub struct TrialsOptions {
+    /// Trials of each scene, condition and estimator: one a seed, from the setup's seed on.
+    pub trials: u32,
+    /// Scene files; the setup's where it is empty.
+    pub scenes: Vec<PathBuf>,
+    /// Conditions, by name or file.
+    pub conditions: Vec<String>,
+    /// Who estimates.
+    pub estimators: Vec<EstimatorKind>,
+    /// Who proposes boxes to GRIP.
+    pub detector: DetectorKind,
+    /// Which network the detector `pyramid` is.
+    pub network: NetworkOptions,
+    /// Folder of grasps to use instead of those that are found.
+    pub grasps: Option<PathBuf>,
+    /// Only every N-th seed.
+    pub shard: Option<Shard>,
+    /// Objects, robot, settings and the first seed.
+    pub setup: SetupOptions,
+}
+
+impl Default for TrialsOptions {
+    fn default() -> Self {
+        Self {
+            trials: 10,
+            scenes: Vec::new(),
+            conditions: vec!["base".into()],
+            estimators: vec![EstimatorKind::Grip],
+            detector: DetectorKind::Pyramid,
+            network: NetworkOptions::default(),
+            grasps: None,
+            shard: None,
+            setup: SetupOptions::default(),
+        }
+    }
+}
+
 /// A scene of the experiment, ready to be run with any seed.
 pub struct Stage {
     setup: Setup,
@@ -92,7 +130,7 @@ pub struct Stage {
     /// Its planner, which knows the grasps of objects after their first use.
     pub planner: Planner,
     /// The estimators.
-    pub perceptions: Vec<Perception>,
+    pub estimators: Vec<Estimator>,
 }
 
 /// A trial to be run.
@@ -115,35 +153,38 @@ pub struct Plan {
     pub cases: Vec<Case>,
     /// The lowest seed.
     pub first_seed: u64,
-    /// What else the trials have in common.
-    pub options: Options,
+    /// The folder of grasp files, if the planners use one.
+    pub grasps: Option<PathBuf>,
+    /// Who draws: `wgpu` or `cpu`.
+    pub renderer: &'static str,
     manifest: Value,
 }
 
 impl Plan {
-    /// Reads all files that `args` name, and lists the trials of its shard. `renderer` is who will draw.
+    /// Reads all files that `options` name, and lists the trials of its shard. `renderer` is who will draw.
     ///
     /// # Errors
     /// When a file is wrong, or two scenes have one name.
-    pub fn new(args: &TrialsArgs, renderer: &'static str) -> Result<Self> {
-        let options = Options { grasp_at: args.grasp_at, grasps: args.grasps.clone(), renderer };
-        let estimators: Vec<String> = args.estimators.iter().map(cli::Estimator::name).collect();
+    pub fn new(options: &TrialsOptions, renderer: &'static str) -> Result<Self> {
+        let first_seed = options.setup.seed;
+        let estimators: Vec<String> = options.estimators.iter().map(EstimatorKind::name).collect();
         no_name_twice(&estimators, "--estimators")?;
-        setup::check_network_is_used(
-            &args.network,
-            args.estimators.contains(&cli::Estimator::Grip) && args.detector == cli::Detector::Pyramid,
+        options.network.check_used(
+            options.estimators.contains(&EstimatorKind::Grip) && options.detector == DetectorKind::Pyramid,
             "--detector pyramid and estimator grip",
         )?;
         let mut stages: Vec<Stage> = Vec::new();
-        let scenes: Vec<Option<PathBuf>> =
-            if args.scene.is_empty() { vec![None] } else { args.scene.iter().cloned().map(Some).collect() };
+        let scenes = match options.scenes.as_slice() {
+            [] => std::slice::from_ref(&options.setup.scene),
+            given => given,
+        };
         for scene in scenes {
-            let stage = Stage::open(args, scene.clone())?;
-            let name = &stage.setup.scene.name;
+            let stage = Stage::open(options, scene)?;
+            let name = &stage.setup.cell.scene.name;
             ensure!(
-                stages.iter().all(|other| &other.setup.scene.name != name),
+                stages.iter().all(|other| &other.setup.cell.scene.name != name),
                 "--scene {}: another scene has the same name, {name}; give each its own",
-                scene.unwrap_or_default().display()
+                scene.display()
             );
             stages.push(stage);
         }
@@ -155,33 +196,36 @@ impl Plan {
                 bail!("--conditions: the name {odd} becomes a part of a file's name; leave out the slash");
             }
         }
-        if let Some(perception) = stages[0].perceptions.iter().find_map(Perception::recorded) {
+        if let Some(EstimatorKind::Csv(file)) =
+            options.estimators.iter().find(|kind| matches!(kind, EstimatorKind::Csv(_)))
+        {
+            let recorded = Recorded::read(file)?;
             ensure!(
                 stages.len() * stages[0].conditions.len() == 1,
                 "--estimators csv: a results file is of one scene in one condition; run each by itself and give grip report all \
                  folders"
             );
-            let unknown = (args.seed..).take(args.trials as usize).find(|seed| !perception.knows(*seed));
+            let unknown = (first_seed..).take(options.trials as usize).find(|seed| !recorded.knows(*seed));
             if let Some(seed) = unknown {
                 bail!(
                     "--estimators csv: the file has no row for scene_id {seed}; give --seed and --trials that it knows"
                 );
             }
         }
-        let last = args.seed.checked_add(u64::from(args.trials) - 1);
+        let last = first_seed.checked_add(u64::from(options.trials).saturating_sub(1));
         let last = last.with_context(|| {
-            format!("--seed {}: too large for {} trials; give a lower one", args.seed, args.trials)
+            format!("--seed {first_seed}: too large for {} trials; give a lower one", options.trials)
         })?;
-        let step = args.shard.map_or(1, |shard| shard.of);
-        let skipped = args.shard.map_or(0, |shard| shard.index - 1);
+        let step = options.shard.map_or(1, |shard| shard.of);
+        let skipped = options.shard.map_or(0, |shard| shard.index - 1);
         let mut cases = Vec::new();
-        for seed in (args.seed..=last).skip(skipped).step_by(step) {
+        for seed in (first_seed..=last).skip(skipped).step_by(step) {
             for (scene, stage) in stages.iter().enumerate() {
                 for (condition, spec) in stage.conditions.iter().enumerate() {
                     for (estimator, name) in estimators.iter().enumerate() {
                         let key = Key {
                             seed,
-                            scene: stage.setup.scene.name.clone(),
+                            scene: stage.setup.cell.scene.name.clone(),
                             condition: spec.name.clone(),
                             estimator: name.clone(),
                         };
@@ -193,10 +237,11 @@ impl Plan {
         let scenarios = stages
             .iter()
             .map(|stage| {
-                let any = &stage.perceptions[0];
-                let scenario = Scenario::new(&stage.setup, any, stage.setup.models.len(), &options)?;
+                let (setup, any) = (&stage.setup, &stage.estimators[0]);
+                let items = setup.models.len();
+                let scenario = Scenario::new(setup, any, items, options.grasps.as_deref(), renderer)?;
                 let mut scenario = scenario.json().clone();
-                for varies in ["seed", "estimator", "condition", "items"] {
+                for varies in ["seed", "estimator", "condition", "items", "program"] {
                     scenario.as_object_mut().map(|fields| fields.remove(varies));
                 }
                 Ok(scenario)
@@ -205,15 +250,17 @@ impl Plan {
         let conditions: Vec<&[ConditionSpec]> = stages.iter().map(|s| s.conditions.as_slice()).collect();
         let manifest = serde_json::json!({
             "schema": SCHEMA,
-            "trials": args.trials,
-            "first_seed": args.seed,
-            "estimators": stages[0].perceptions.iter().map(Perception::description).collect::<Vec<_>>(),
+            "program": program(),
+            "trials": options.trials,
+            "first_seed": first_seed,
+            "estimators": stages[0].estimators.iter().map(Estimator::description).collect::<Vec<_>>(),
             "conditions": conditions,
             "scenarios": scenarios,
-            "shard": args.shard,
+            "shard": options.shard,
             BUILD: build(),
         });
-        Ok(Self { stages, cases, first_seed: args.seed, options, manifest })
+        let grasps = options.grasps.clone();
+        Ok(Self { stages, cases, first_seed, grasps, renderer, manifest })
     }
 
     /// Makes the experiment's folder, or makes sure that it is the same experiment that goes on.
@@ -234,29 +281,30 @@ impl Plan {
 }
 
 impl Stage {
-    fn open(args: &TrialsArgs, scene: Option<PathBuf>) -> Result<Self> {
-        let scene_args = SceneArgs {
-            scene,
-            seed: args.seed,
-            renderer: args.renderer,
-            ycb: args.ycb.clone(),
-            robot: args.robot.robot.clone(),
-            package_path: args.robot.package_path.clone(),
-        };
-        let first = args.conditions.first().map_or("base", String::as_str);
-        let setup = Setup::open(&scene_args, "scenes/grocery.toml", first)?;
-        let conditions = args
+    fn open(options: &TrialsOptions, scene: &Path) -> Result<Self> {
+        let first = options.conditions.first().map_or("base", String::as_str);
+        let setup = Setup::open(&SetupOptions {
+            scene: scene.to_path_buf(),
+            condition: first.to_owned(),
+            ..options.setup.clone()
+        })?;
+        let conditions = options
             .conditions
             .iter()
-            .map(|name| setup::load_condition(&setup.folder, name))
+            .map(|name| setup::load_condition(&setup.cell.folder, name))
             .collect::<Result<_>>()?;
-        let planner = setup.planner_with_grasps(args.grasp_at.into(), args.grasps.as_deref())?;
-        let perceptions = args
+        let planner = setup.planner_with_grasps(options.grasps.as_deref())?;
+        let estimators = options
             .estimators
             .iter()
-            .map(|estimator| Perception::open(&setup, estimator, args.detector, &args.network))
+            .map(|kind| {
+                // Options of the network are for those that use it.
+                let none = NetworkOptions::default();
+                let network = if *kind == EstimatorKind::Grip { &options.network } else { &none };
+                Estimator::open(&setup, kind, options.detector, network)
+            })
             .collect::<Result<_>>()?;
-        Ok(Self { setup, conditions, planner, perceptions })
+        Ok(Self { setup, conditions, planner, estimators })
     }
 }
 
@@ -359,7 +407,7 @@ pub fn differs(a: &Value, b: &Value) -> Option<String> {
                 let keys: std::collections::BTreeSet<&String> = x.keys().chain(y.keys()).collect();
                 keys.into_iter().find_map(|key| {
                     // Where files lie does not matter; their content does. Other builds may go on, with a warning.
-                    if key == "path" || key == BUILD {
+                    if key == "path" || key == "program" || key == BUILD {
                         return None;
                     }
                     let null = &Value::Null;

@@ -6,7 +6,7 @@ use serde::Serialize;
 
 use super::plan::Key;
 use super::stats::{mcnemar, wilson};
-use crate::outcome::{Outcome, TrialResult};
+use crate::score::outcome::{Outcome, TrialResult};
 
 /// The trials of a scene and condition by one estimator.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -120,9 +120,9 @@ pub fn pairs(trials: &[TrialResult]) -> Vec<Pairs> {
 }
 
 #[cfg(test)]
-pub mod tests {
+pub(crate) mod tests {
     use super::*;
-    use crate::outcome::{Clauses, FirstAttempt, ItemResult, Measures, Stage, TRIAL_SCHEMA};
+    use crate::score::outcome::{Clauses, FirstAttempt, ItemResult, Measures, Stage, TRIAL_SCHEMA};
 
     /// An item by hand: its name, whether it was packed, and its first grasp: at which ADD-S, metres, and whether it held.
     pub type Item<'a> = (&'a str, bool, Option<(f64, bool)>);
@@ -161,8 +161,8 @@ pub mod tests {
             requested: items.len(),
             packed: items.iter().filter(|i| i.1).count(),
             sim_s: 0.0,
-            score: crate::scorecard::ScoreCard::default(),
-            motion_check: crate::motion_check::MotionCheck::default(),
+            score: crate::score::ScoreCard::default(),
+            motion_check: crate::score::MotionCheck::default(),
             items: items.iter().map(item).collect(),
             state_hash: String::new(),
             timing: None,

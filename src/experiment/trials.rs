@@ -11,14 +11,14 @@ use std::sync::{Mutex, MutexGuard};
 use anyhow::{Result, ensure};
 use grip_sim::bop;
 use grip_sim::render::{self, RendererChoice};
-use indicatif::ProgressBar;
 use serde::{Deserialize, Serialize};
 
 use super::journal::{self, Journal};
 use super::plan::{Case, Key, LEFT_OUT, Plan, Stage, TIMINGS, TRIALS};
-use crate::outcome::{Timing, TrialResult};
-use crate::trial::{self, Pictures, Spec};
-use crate::{film, pictures, workers};
+use crate::progress::{Progress, Quiet};
+use crate::score::outcome::{Timing, TrialResult};
+use crate::trial::{self, Pictures, TrialOptions, film};
+use crate::{pictures, workers};
 
 /// How long a trial took: a line of timings.jsonl.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -42,7 +42,7 @@ pub struct LeftOut {
 }
 
 /// What is written as trials end.
-struct Ledger {
+struct Journals {
     trials: Journal,
     timings: Journal,
     skipped: Journal,
@@ -69,7 +69,7 @@ pub fn run(
     out: &Path,
     jobs: usize,
     renderer: RendererChoice,
-    progress: &ProgressBar,
+    progress: &dyn Progress,
 ) -> Result<Ran> {
     let (trials, done) = Journal::open::<TrialResult>(&out.join(TRIALS))?;
     let (timings, _) = Journal::open::<TimingLine>(&out.join(TIMINGS))?;
@@ -78,43 +78,43 @@ pub fn run(
         done.iter().map(Key::of).chain(left_out.iter().map(|line| line.key.clone())).collect();
     let missing: Vec<&Case> = plan.cases.iter().filter(|case| !known.contains(&case.key)).collect();
     let kept = done.len();
-    progress.set_length(plan.cases.len() as u64);
-    progress.set_position(known.len() as u64);
-    progress.reset_eta();
+    progress.begin(plan.cases.len() as u64, known.len() as u64);
 
     let next = AtomicUsize::new(0);
-    let ledger = Mutex::new(Ledger { trials, timings, skipped, done, left_out });
+    let journals = Mutex::new(Journals { trials, timings, skipped, done, left_out });
     let worker = |stop: &AtomicBool| {
         let mut renderer = render::open(renderer)?;
         ensure!(
-            renderer.name() == plan.options.renderer,
+            renderer.name() == plan.renderer,
             "the graphics adapter cannot be opened once for each of {jobs} jobs; give fewer --jobs, or --renderer cpu"
         );
         while !stop.load(Ordering::Relaxed) {
             let Some(case) = missing.get(next.fetch_add(1, Ordering::Relaxed)) else { break };
-            let Key { seed, scene, condition, estimator } = &case.key;
+            let Key { seed, estimator, .. } = &case.key;
             let setup = plan.setup(case);
             let film_all = *seed == plan.first_seed;
-            let spec = Spec {
+            let options = TrialOptions {
                 estimator: estimator.clone(),
-                items: setup.models.len(),
+                items: None,
+                grasps: plan.grasps.clone(),
                 pictures: if film_all { Pictures::Film } else { Pictures::FilmOfFailures },
             };
-            let Stage { planner, perceptions, .. } = &plan.stages[case.scene];
-            let perception = &perceptions[case.estimator];
-            let quiet = ProgressBar::hidden();
-            let ran =
-                trial::run(&setup, &spec, &plan.options, planner, perception, renderer.as_mut(), &quiet);
-            let which = || format!("scene {scene}, condition {condition}, {estimator}, seed {seed}");
+            let Stage { planner, estimators, .. } = &plan.stages[case.scene];
+            let estimator = &estimators[case.estimator];
+            let ran = trial::run(&setup, estimator, planner, renderer.as_mut(), options, &Quiet);
+            let which = || {
+                let Key { seed, scene, condition, estimator } = &case.key;
+                format!("scene {scene}, condition {condition}, {estimator}, seed {seed}")
+            };
             let trial = match ran {
                 Ok(trial) => trial,
-                Err(error) if matches!(error.downcast_ref(), Some(grip_sim::Error::NoLayout(_))) => {
-                    progress.suspend(|| log::warn!("left out: {}: {error}", which()));
+                Err(error) if matches!(error.downcast_ref(), Some(grip_physics::Error::NoLayout(_))) => {
+                    progress.warn(&format!("left out: {}: {error}", which()));
                     let line = LeftOut { key: case.key.clone(), reason: error.to_string() };
-                    let mut ledger = lock(&ledger);
-                    ledger.skipped.append(&line)?;
-                    ledger.left_out.push(line);
-                    progress.inc(1);
+                    let mut journals = lock(&journals);
+                    journals.skipped.append(&line)?;
+                    journals.left_out.push(line);
+                    progress.advance(1);
                     continue;
                 }
                 Err(error) => return Err(error.context(which())),
@@ -125,22 +125,22 @@ pub fn run(
             }
             let mut result = trial.result;
             let timing = result.timing.take();
-            let mut ledger = lock(&ledger);
+            let mut journals = lock(&journals);
             // The result last: with it the trial is done.
             if let Some(timing) = timing {
-                ledger.timings.append(&TimingLine { key: case.key.clone(), timing })?;
+                journals.timings.append(&TimingLine { key: case.key.clone(), timing })?;
             }
-            ledger.trials.append(&result)?;
-            ledger.done.push(result);
-            progress.set_message(so_far(&ledger.done));
-            progress.inc(1);
+            journals.trials.append(&result)?;
+            journals.done.push(result);
+            progress.message(&so_far(&journals.done));
+            progress.advance(1);
         }
         Ok(())
     };
     workers::run(jobs.clamp(1, missing.len().max(1)), worker)?;
 
-    let Ledger { trials, timings, skipped, done: mut results, mut left_out } =
-        ledger.into_inner().unwrap_or_else(std::sync::PoisonError::into_inner);
+    let Journals { trials, timings, skipped, done: mut results, mut left_out } =
+        journals.into_inner().unwrap_or_else(std::sync::PoisonError::into_inner);
     results.sort_by_key(Key::of);
     left_out.sort_by(|a, b| a.key.cmp(&b.key));
     // In order of the trials, not of their ends: the same bytes from every run.
@@ -154,8 +154,8 @@ pub fn run(
     Ok(Ran { results, kept, left_out })
 }
 
-fn lock(ledger: &Mutex<Ledger>) -> MutexGuard<'_, Ledger> {
-    ledger.lock().unwrap_or_else(std::sync::PoisonError::into_inner)
+fn lock(journals: &Mutex<Journals>) -> MutexGuard<'_, Journals> {
+    journals.lock().unwrap_or_else(std::sync::PoisonError::into_inner)
 }
 
 /// Shares of items packed until now, by estimator.

@@ -239,12 +239,7 @@ fn load<'a>(models: &'a mut BTreeMap<u32, Visual>, dataset: &Dataset, id: u32) -
 /// The names of objects by our table, for our own sets; others number their objects as they like.
 fn names(dataset: &Dataset) -> BTreeMap<u32, String> {
     let ours = dataset.root().join("dataset.json").is_file();
-    let table = assets::find("scenes/objects.toml").ok().filter(|_| ours);
+    let table = || objects::table::load(&assets::find("scenes/objects.toml")).ok();
     // A picture with numbers is better than none.
-    table
-        .and_then(|path| objects::table::load(&path).ok())
-        .unwrap_or_default()
-        .into_iter()
-        .map(|info| (info.bop_id, info.name))
-        .collect()
+    ours.then(table).flatten().unwrap_or_default().into_iter().map(|info| (info.bop_id, info.name)).collect()
 }

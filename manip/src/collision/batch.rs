@@ -14,10 +14,13 @@ use grip_sim::lanes::{F8, Isa, LANES, V8, per_machine};
 use grip_sim::robot::{GroupKinematics, Pose8};
 use parry3d::math::{Pose, Rotation, Vector};
 
+use super::checker::{CollisionChecker, Obstacle, pieces_meet};
 use super::cloud::Cloud;
 use super::cover::Ball;
-use super::solid::{Frame, Piece, Solid, pose32};
-use super::{Body, CollisionChecker, LinkSolids, Obstacle, Query, pieces_meet};
+use super::piece::{Frame, Piece};
+use super::query::{CollisionBody, CollisionQuery};
+use super::robot::LinkSolids;
+use super::solid::{Solid, pose32};
 
 /// Checks of a group's configurations, all other joints fixed, for one query.
 #[derive(Debug)]
@@ -70,11 +73,16 @@ struct Scratch {
 impl<'a> Batch<'a> {
     /// For the joints `joints`; the others are as in `q`. Pairs that never move against each other are left out: whoever
     /// starts a search has checked one configuration.
-    pub fn new(checker: &'a CollisionChecker, query: &Query<'a>, joints: &[usize], q: &[f64]) -> Self {
+    pub fn new(
+        checker: &'a CollisionChecker,
+        query: &CollisionQuery<'a>,
+        joints: &[usize],
+        q: &[f64],
+    ) -> Self {
         let robot = &checker.robot;
         let kinematics = robot.model.group_kinematics(joints, q);
-        let skip = query.held.map(|h| Body::Object(h.object));
-        let part = |name: Body, link: usize, solids: &'a LinkSolids| {
+        let skip = query.held.map(|h| CollisionBody::Object(h.object));
+        let part = |name: CollisionBody, link: usize, solids: &'a LinkSolids| {
             let (body, body_from_part) = kinematics.body_of(link);
             let (body, pose) = (*body, pose32(body_from_part));
             let moved = |b: &Ball| Ball { center: pose * b.center, radius: b.radius };
@@ -94,26 +102,27 @@ impl<'a> Batch<'a> {
                 bound: moved(&solids.bound),
                 pieces: pieces.collect(),
                 obstacles: obstacles.map(|(i, _)| i).collect(),
-                cloud: body != 0 && solids.moves && !query.allows(name, Body::Seen),
+                cloud: body != 0 && solids.moves && !query.allows(name, CollisionBody::Unmodelled),
             }
         };
         let mut parts = Vec::new();
         let mut of_link = vec![None; robot.links.len()];
         for (i, solids) in robot.links.iter().enumerate().filter(|(_, l)| !l.pieces.is_empty()) {
             of_link[i] = Some(parts.len());
-            parts.push(part(Body::Link(i), i, solids));
+            parts.push(part(CollisionBody::Link(i), i, solids));
         }
         let mut pairs: Vec<(usize, usize)> = robot
             .pairs
             .iter()
-            .filter(|&&(a, b)| !query.allows(Body::Link(a), Body::Link(b)))
+            .filter(|&&(a, b)| !query.allows(CollisionBody::Link(a), CollisionBody::Link(b)))
             .filter_map(|&(a, b)| Some((of_link[a]?, of_link[b]?)))
             .collect();
         if let Some(held) = query.held {
             let at = parts.len();
-            parts.push(part(Body::Held, robot.gripper, &held.solids));
-            let others = (0..robot.links.len())
-                .filter(|i| !robot.hand.contains(i) && !query.allows(Body::Held, Body::Link(*i)));
+            parts.push(part(CollisionBody::Held, robot.gripper, &held.solids));
+            let others = (0..robot.links.len()).filter(|i| {
+                !robot.hand.contains(i) && !query.allows(CollisionBody::Held, CollisionBody::Link(*i))
+            });
             pairs.extend(others.filter_map(|i| Some((at, of_link[i]?))));
         }
         pairs.retain(|&(a, b)| parts[a].body != parts[b].body);

@@ -1,4 +1,4 @@
-//! A point cloud as an obstacle: what was seen and is not explained.
+//! A point cloud as an obstacle: the unmodelled ones.
 //!
 //! The balls that cover the robot are looked up in a collision-affording point tree (Ramsey et al. 2024, crate `capt`); where
 //! one touches a point, the convex solid behind it is held against the points exactly.
@@ -7,8 +7,9 @@ use capt::Capt;
 use nalgebra::{Isometry3, Point3};
 use parry3d::math::{Pose, Vector};
 
+use super::piece::Piece;
 use super::robot::LinkSolids;
-use super::solid::{Piece, distance_from_point};
+use super::solid::distance_from_point;
 
 /// Each point stands for a ball of this radius, metres: together they close the gaps of a grid of a centimetre.
 const POINT_RADIUS: f64 = 0.006;
@@ -101,7 +102,7 @@ mod tests {
         };
         let piece = Piece::new(&shape, &Isometry3::identity()).with_balls(0.01, 8);
         let link = LinkSolids::new(vec![piece], true);
-        let at = |x: f64| super::super::pose32(&Isometry3::from(Vector3::new(x, 0.1, 0.1)));
+        let at = |x: f64| super::super::solid::pose32(&Isometry3::from(Vector3::new(x, 0.1, 0.1)));
         let touching = 0.5 - 0.04 - POINT_RADIUS;
         for (gap, margin, expected) in [
             (0.001, 0.0, false),

@@ -7,7 +7,7 @@ use nalgebra::Isometry3;
 use parry3d::math::Vector;
 
 use super::cover::Ball;
-use super::solid::Piece;
+use super::piece::Piece;
 
 /// Solids fixed to one link, in its frame.
 #[derive(Debug, Clone)]

@@ -2,12 +2,11 @@
 
 use nalgebra::Vector3;
 
-use super::{
-    ControlTarget, ExecCause, ExecOutcome, ExecutionReport, ExecutorSettings, GripperCommand, Observer,
-    RobotPort, StepReport,
-};
-use crate::plan::{Action, Guard, PlanStep, StepName};
-use crate::timing::Trajectory;
+use super::port::{ControlTarget, RobotPort};
+use super::report::{ExecCause, ExecOutcome, ExecutionReport, Observer, StepReport};
+use super::settings::ExecutorSettings;
+use crate::motion::{Trajectory, TrajectoryPoint};
+use crate::plan::{Action, GripperCommand, Guard, PlanStep, StepName};
 
 /// Carries out `steps`, one after the other.
 pub(super) fn run(
@@ -16,54 +15,26 @@ pub(super) fn run(
     settings: &ExecutorSettings,
     observer: &mut impl Observer,
 ) -> ExecutionReport {
-    let mut run = Run {
-        target: port.joints(),
-        port,
-        settings,
-        observer,
-        gripper: GripperCommand::Hold,
-        opened: GripperCommand::Hold,
-        step: StepName::Open,
-        before: Felt::default(),
-        peak_contact: 0.0,
-        report: ExecutionReport {
-            steps: Vec::new(),
-            outcome: ExecOutcome::Done,
-            grasp_width_m: None,
-            slip_m: 0.0,
-            peak_contact_n: 0.0,
-            peak_grip_n: 0.0,
-        },
-    };
-    let mut approach: Option<&Trajectory> = None;
+    let mut run = Run::new(port, settings, observer);
+    let mut approach: Option<Followed<'_>> = None;
     // Where a lowering motion stopped high above its goal: the way back begins there and not at the goal.
-    let mut stopped_high: Option<(&Trajectory, f64)> = None;
+    let mut stopped_high: Option<(Followed<'_>, f64)> = None;
     for step in steps {
-        if let (StepName::Approach, Action::Move { trajectory, .. }) = (step.name, &step.action) {
-            approach = Some(trajectory);
-        }
-        let begin_s = run.port.time();
-        run.step = step.name;
-        run.before = run.felt();
-        run.peak_contact = 0.0;
+        let begin_s = run.begin(step.name);
         let result = match stopped_high.take_if(|_| step.name == StepName::Retreat) {
-            Some((lower, gone)) => run.back(lower, gone, 0.0).map(|()| End::Complete),
+            Some((lower, gone)) => run.back(&lower, gone, 0.0).map(|()| End::Complete),
             None => run.perform(step),
         };
-        if let (Ok(End::Stopped { gone, high: true }), Action::Move { trajectory, .. }) =
-            (&result, &step.action)
-        {
-            stopped_high = Some((trajectory, *gone));
+        if let Action::Move { trajectory, .. } = &step.action {
+            let followed = || Followed { trajectory, offset: run.offset.clone() };
+            if step.name == StepName::Approach {
+                approach = Some(followed());
+            }
+            if let Ok(End::Stopped { gone, high: true }) = &result {
+                stopped_high = Some((followed(), *gone));
+            }
         }
-        let report = StepReport {
-            name: step.name,
-            begin_s,
-            end_s: run.port.time(),
-            peak_contact_n: run.peak_contact,
-            stopped_early: matches!(result, Ok(End::Stopped { .. })),
-        };
-        run.observer.step_done(&report);
-        run.report.steps.push(report);
+        run.end(begin_s, matches!(result, Ok(End::Stopped { .. })));
         if let Err(stop) = result {
             let Stop { cause, reason, gone } = stop;
             run.report.outcome = ExecOutcome::Failed { stage: step.name.into(), cause, reason };
@@ -74,8 +45,31 @@ pub(super) fn run(
     run.report
 }
 
-/// A motion may begin this far from where the arm is, radians or metres: what a guarded motion leaves when it stops early.
-const FARTHEST_START: f64 = 0.25;
+/// Opens the gripper a little where it stands.
+pub(super) fn release_in_place(
+    port: &mut impl RobotPort,
+    settings: &ExecutorSettings,
+    observer: &mut impl Observer,
+) -> ExecutionReport {
+    let mut run = Run::new(port, settings, observer);
+    let begin_s = run.begin(StepName::Release);
+    run.gripper = GripperCommand::Open { width: run.width() + settings.release_opening };
+    for _ in 0..(settings.release_time / run.port.period()).round() as usize {
+        if let Err(Stop { cause, reason, .. }) = run.tick()
+            && run.report.outcome == ExecOutcome::Done
+        {
+            run.report.outcome = ExecOutcome::Failed { stage: StepName::Release.into(), cause, reason };
+        }
+    }
+    run.end(begin_s, false);
+    run.report
+}
+
+/// A motion that was followed, and how far from where it begins each of its joints was at its beginning.
+struct Followed<'a> {
+    trajectory: &'a Trajectory,
+    offset: Vec<f64>,
+}
 
 /// How a step ended well.
 enum End {
@@ -124,6 +118,8 @@ struct Run<'a, P, O> {
     settings: &'a ExecutorSettings,
     observer: &'a mut O,
     target: Vec<f64>,
+    /// How far from where the last motion begins each of its joints was at its beginning: it fades out on the way.
+    offset: Vec<f64>,
     gripper: GripperCommand,
     /// The last command that opened the gripper.
     opened: GripperCommand,
@@ -134,7 +130,51 @@ struct Run<'a, P, O> {
     report: ExecutionReport,
 }
 
-impl<P: RobotPort, O: Observer> Run<'_, P, O> {
+impl<'a, P: RobotPort, O: Observer> Run<'a, P, O> {
+    fn new(port: &'a mut P, settings: &'a ExecutorSettings, observer: &'a mut O) -> Self {
+        Self {
+            target: port.joints(),
+            offset: Vec::new(),
+            port,
+            settings,
+            observer,
+            gripper: GripperCommand::Hold,
+            opened: GripperCommand::Hold,
+            step: StepName::Open,
+            before: Felt::default(),
+            peak_contact: 0.0,
+            report: ExecutionReport {
+                steps: Vec::new(),
+                outcome: ExecOutcome::Done,
+                grasp_width_m: None,
+                slip_m: 0.0,
+                peak_contact_n: 0.0,
+                peak_grip_n: 0.0,
+            },
+        }
+    }
+
+    /// Begins a step; the port's time.
+    fn begin(&mut self, step: StepName) -> f64 {
+        self.step = step;
+        self.before = self.felt();
+        self.peak_contact = 0.0;
+        self.port.time()
+    }
+
+    /// Reports the step that began at `begin_s`.
+    fn end(&mut self, begin_s: f64, stopped_early: bool) {
+        let report = StepReport {
+            name: self.step,
+            begin_s,
+            end_s: self.port.time(),
+            peak_contact_n: self.peak_contact,
+            stopped_early,
+        };
+        self.observer.step_done(&report);
+        self.report.steps.push(report);
+    }
+
     fn perform(&mut self, step: &PlanStep) -> Result<End, Stop> {
         match &step.action {
             Action::Gripper { command, width } => {
@@ -183,10 +223,11 @@ impl<P: RobotPort, O: Observer> Run<'_, P, O> {
             .zip(trajectory.first())
             .map(|(&j, first)| self.target[j] - first)
             .collect();
-        if let Some(far) = offset.iter().find(|o| o.is_nan() || o.abs() > FARTHEST_START) {
+        if let Some(far) = offset.iter().find(|o| o.is_nan() || o.abs() > self.settings.farthest_start) {
             let reason = format!("the robot is not where the motion begins: a joint is {far:.3} off");
             return Err(Stop::new(ExecCause::Astray, reason));
         }
+        self.offset.clone_from(&offset);
         let mut pressed = 0;
         loop {
             let gone = self.port.time() - begin;
@@ -246,50 +287,50 @@ impl<P: RobotPort, O: Observer> Run<'_, P, O> {
         limit: f64,
         offset: &[f64],
     ) -> Result<f64, Stop> {
-        let last = (gone - self.settings.relief).max(0.0);
+        let last = (gone - self.settings.relief_time).max(0.0);
         let mut t = gone;
-        while t > last && self.contact_force() > 0.25 * limit {
-            t = (t - self.port.period() * self.settings.back_off).max(last);
+        while t > last && self.contact_force() > self.settings.relief_share * limit {
+            t = (t - self.port.period() * self.settings.back_off_speed).max(last);
             self.aim(trajectory, t, offset);
             self.tick().map_err(|stop| stop.after(t))?;
         }
         Ok(t)
     }
 
-    /// Goes back along a trajectory, slower, from one time of it to an earlier one.
-    fn back(&mut self, trajectory: &Trajectory, from: f64, to: f64) -> Result<(), Stop> {
+    /// Goes back the way it came along a motion, slower, from one time of it to an earlier one.
+    fn back(&mut self, motion: &Followed<'_>, from: f64, to: f64) -> Result<(), Stop> {
         let mut t = from;
         while t > to {
-            t = (t - self.port.period() * self.settings.back_off).max(to);
-            self.aim(trajectory, t, &[]);
+            t = (t - self.port.period() * self.settings.back_off_speed).max(to);
+            self.aim(motion.trajectory, t, &motion.offset);
             self.tick().map_err(|stop| stop.after(t))?;
         }
         Ok(())
     }
 
-    /// Targets the trajectory at `t`, plus what is left of `offset` (none when empty).
+    /// Targets the trajectory at `t`, plus what is left of `offset` there.
     fn aim(&mut self, trajectory: &Trajectory, t: f64, offset: &[f64]) {
         let (q, _) = trajectory.sample(t);
         let x = if trajectory.duration > 0.0 { (t / trajectory.duration).clamp(0.0, 1.0) } else { 1.0 };
         let left = 1.0 - x * x * (3.0 - 2.0 * x);
         for (k, (&j, v)) in trajectory.joints.iter().zip(q).enumerate() {
-            self.target[j] = v + left * offset.get(k).copied().unwrap_or(0.0);
+            self.target[j] = v + left * offset[k];
         }
     }
 
     /// Waits for the joints to arrive.
     fn settle(&mut self, trajectory: &Trajectory, holding: bool) -> Result<End, Stop> {
         let gone = trajectory.duration;
-        let end = self.port.time() + self.settings.settle;
+        let end = self.port.time() + self.settings.settle_time;
         loop {
             let measured = self.port.joints();
             let off =
                 trajectory.joints.iter().map(|&j| (measured[j] - self.target[j]).abs()).fold(0.0, f64::max);
-            if off <= self.settings.arrived {
+            if off <= self.settings.arrival_tolerance {
                 return Ok(End::Complete);
             }
             if self.port.time() >= end {
-                if off > self.settings.lost {
+                if off > self.settings.tracking_tolerance {
                     let reason = format!("a joint is {off:.3} short of its goal");
                     return Err(Stop::new(ExecCause::Astray, reason).after(gone));
                 }
@@ -312,14 +353,16 @@ impl<P: RobotPort, O: Observer> Run<'_, P, O> {
             widths.push(self.width());
             let n = widths.len();
             let still =
-                n > window + 1 && (widths[n - 1] - widths[n - 1 - window]).abs() < self.settings.still;
+                n > window + 1 && (widths[n - 1] - widths[n - 1 - window]).abs() < self.settings.still_motion;
             let done = match command {
                 GripperCommand::Open { width } => {
-                    (widths[n - 1] - width).abs() < 0.001 || (still && n > 3 * window)
+                    (widths[n - 1] - width).abs() < self.settings.opening_tolerance
+                        || (still && n > 3 * window)
                 }
                 // The drives build their force up after the fingers stand still.
                 GripperCommand::Close { force_n } => {
-                    still && (self.port.grip_force() > 0.8 * force_n || n > 10 * window)
+                    still
+                        && (self.port.grip_force() > self.settings.pressed_share * force_n || n > 10 * window)
                 }
                 GripperCommand::Hold => true,
             };
@@ -364,25 +407,29 @@ impl<P: RobotPort, O: Observer> Run<'_, P, O> {
     }
 
     /// After a failure: opens and draws back the way it came, as far as the robot lets it. Errors here change nothing.
-    fn recover(&mut self, step: &PlanStep, approach: Option<&Trajectory>, gone: f64) {
+    fn recover(&mut self, step: &PlanStep, approach: Option<Followed<'_>>, gone: f64) {
+        let followed = |trajectory| Followed { trajectory, offset: self.offset.clone() };
         let back = match (&step.action, step.name) {
             (Action::Move { trajectory, .. }, StepName::ToPregrasp | StepName::Approach | StepName::Home) => {
-                // A free motion backs off for half a second, a straight one to its beginning.
-                let to = if step.name == StepName::Approach { 0.0 } else { (gone - 0.5).max(0.0) };
-                Some((trajectory, gone, to))
+                // A free motion backs off for a while, a straight one to its beginning.
+                let free = (gone - self.settings.back_off_time).max(0.0);
+                Some((followed(trajectory), gone, if step.name == StepName::Approach { 0.0 } else { free }))
             }
             (_, StepName::Close) => {
                 self.gripper = self.opened;
                 if self.grip(self.opened, 0.0).is_err() {
                     return;
                 }
-                approach.map(|t| (t, t.duration, 0.0))
+                approach.map(|motion| {
+                    let end = motion.trajectory.duration;
+                    (motion, end, 0.0)
+                })
             }
-            (Action::Move { trajectory, .. }, StepName::Lower) => Some((trajectory, gone, 0.0)),
+            (Action::Move { trajectory, .. }, StepName::Lower) => Some((followed(trajectory), gone, 0.0)),
             _ => None,
         };
-        if let Some((trajectory, from, to)) = back {
-            let _ = self.back(trajectory, from, to);
+        if let Some((motion, from, to)) = back {
+            let _ = self.back(&motion, from, to);
         }
     }
 }
@@ -390,7 +437,7 @@ impl<P: RobotPort, O: Observer> Run<'_, P, O> {
 /// Share of a trajectory's way, by joint-space length, that is done after `gone` seconds.
 fn done_share(trajectory: &Trajectory, gone: f64) -> f64 {
     let p = &trajectory.points;
-    let step = |w: &[crate::timing::TrajectoryPoint]| -> f64 {
+    let step = |w: &[TrajectoryPoint]| -> f64 {
         w[0].q.iter().zip(&w[1].q).map(|(a, b)| (b - a).powi(2)).sum::<f64>().sqrt()
     };
     let total: f64 = p.windows(2).map(step).sum();

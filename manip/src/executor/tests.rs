@@ -1,8 +1,10 @@
 //! The state machine on a robot with one joint.
 
+use super::run::run;
 use super::*;
-use crate::plan::Guard;
-use crate::timing::TrajectoryPoint;
+use crate::motion::TrajectoryPoint;
+use crate::plan::{GripperCommand, Guard};
+use nalgebra::Vector3;
 
 /// A robot with one arm joint that follows perfectly and two fingers; an obstacle and an object at will.
 struct Fake {
@@ -19,8 +21,9 @@ struct Fake {
     floor: f64,
     /// Time of a protective stop, which passes.
     stop_at: f64,
-    /// Highest speed commanded while the gripper is closed.
+    /// Highest speed commanded while the gripper is closed, and ever.
     fastest: f64,
+    fastest_ever: f64,
 }
 
 impl Fake {
@@ -36,6 +39,7 @@ impl Fake {
             floor: f64::NEG_INFINITY,
             stop_at: f64::INFINITY,
             fastest: 0.0,
+            fastest_ever: 0.0,
         }
     }
 }
@@ -70,8 +74,10 @@ impl RobotPort for Fake {
         if self.time > self.stop_at && self.time < self.stop_at + 0.02 {
             return Err(ProtectiveStop { reason: "too much torque".into() });
         }
+        let speed = (target.joints[0] - self.q).abs() / self.period();
+        self.fastest_ever = self.fastest_ever.max(speed);
         if let GripperCommand::Close { .. } = self.command {
-            self.fastest = self.fastest.max((target.joints[0] - self.q).abs() / self.period());
+            self.fastest = self.fastest.max(speed);
         }
         self.q = target.joints[0];
         self.command = match target.gripper {
@@ -209,4 +215,63 @@ fn what_meets_something_on_the_way_down_is_let_go_there_and_the_hand_goes_back_u
     let report = go(&mut port);
     assert!(report.steps[6].stopped_early && report.failure().is_none());
     assert!((port.q + 0.4).abs() < 1e-6);
+}
+
+/// The way back once began on the planned path, although the motion had begun beside it: the arm jumped there.
+#[test]
+fn a_motion_that_began_beside_its_path_goes_back_to_where_it_began() {
+    let mut port = Fake::new(0.06);
+    (port.q, port.wall) = (0.2, 0.35);
+    let settings = ExecutorSettings { free_force: 20.0, ..ExecutorSettings::default() };
+    let report = execute_motion(&mut port, &line(0.0, 0.5, 1.0), &settings, &mut ());
+    assert_eq!(report.failure().map(|f| f.1), Some(ExecCause::Contact));
+    assert!((port.q - 0.2).abs() < 1e-9, "{}", port.q);
+    assert!(port.fastest_ever < 1.0, "{}: no jump", port.fastest_ever);
+}
+
+#[test]
+fn what_is_let_go_high_is_left_the_way_it_came_even_from_beside_the_path() {
+    let mut port = Fake::new(0.06);
+    (port.q, port.floor) = (-0.35, -0.44);
+    let report = execute_steps(&mut port, &steps()[6..], &ExecutorSettings::default(), &mut ());
+    assert_eq!(report.failure(), None);
+    assert!(report.steps[0].stopped_early);
+    assert!((port.q + 0.35).abs() < 1e-9, "{}", port.q);
+    assert!(port.fastest_ever < 0.5, "{}: no jump", port.fastest_ever);
+}
+
+/// Counts the control periods of each step.
+#[derive(Default)]
+struct Periods(Vec<StepName>);
+
+impl Observer for Periods {
+    fn tick(&mut self, step: StepName, _time: f64) {
+        self.0.push(step);
+    }
+}
+
+#[test]
+fn a_release_in_place_opens_a_little_and_leaves_the_arm_where_it_is() {
+    let mut port = Fake::new(0.06);
+    (port.q, port.fingers) = (0.3, 0.03);
+    port.command = GripperCommand::Close { force_n: 30.0 };
+    let mut seen = Periods::default();
+    let report = release_in_place(&mut port, &ExecutorSettings::default(), &mut seen);
+    assert_eq!(report.failure(), None);
+    assert_eq!(seen.0, [StepName::Release; 192], "0.8 s of 240 Hz");
+    assert!((port.time - 0.8).abs() < 1e-9 && (report.seconds() - 0.8).abs() < 1e-9);
+    assert_eq!(port.q, 0.3);
+    assert!((2.0 * port.fingers - 0.09).abs() < 1e-6, "{}", port.fingers);
+}
+
+#[test]
+fn a_release_in_place_goes_on_after_a_protective_stop_and_tells_of_it() {
+    let mut port = Fake::new(0.06);
+    port.fingers = 0.03;
+    port.stop_at = 0.1;
+    let report = release_in_place(&mut port, &ExecutorSettings::default(), &mut ());
+    let (stage, cause, reason) = report.failure().unwrap();
+    assert_eq!((stage, cause), (ExecStage::Place, ExecCause::Contact));
+    assert!(reason.contains("too much torque"), "{reason}");
+    assert!((port.time - 0.8).abs() < 1e-9 && 2.0 * port.fingers > 0.089);
 }

@@ -6,8 +6,10 @@ use grip_sim::pose::{Gripper, Object, Pose, World};
 use grip_sim::robot::GripperConfig;
 use nalgebra::{Point3, Translation3, Vector3};
 
-use super::{GraspSettings, ObjectGrasps};
-use crate::antipodal::{GraspCandidate, Look, narrow_opening, pad_contact};
+use super::antipodal::{GraspCandidate, narrow_opening};
+use super::contact::{RayGrid, pad_contact};
+use super::object_grasps::ObjectGrasps;
+use super::settings::GraspSettings;
 use crate::belief::BeliefScene;
 use crate::surface::Surface;
 
@@ -39,7 +41,7 @@ pub(super) fn oriented<'a>(
         let world_from_gripper = world_from_object * candidate.object_from_gripper;
         let axis = |v: Vector3<f64>| world_from_gripper.transform_vector(&v);
         let (approach, closing, side) = (axis(Vector3::x()), axis(Vector3::y()), axis(Vector3::z()));
-        let outer = 0.5 * candidate.width + 0.012 + 2.0 * pad.y;
+        let outer = 0.5 * candidate.width + 0.5 * settings.antipodal.finger_room + 2.0 * pad.y;
         let low = world_from_gripper.translation().z
             - approach.z.abs() * pad.x
             - closing.z.abs() * outer
@@ -54,11 +56,10 @@ pub(super) fn oriented<'a>(
         let sigma = 2.0 * object.position_std_m.max(0.001);
         let room = 0.5 * (gripper.opening - candidate.width);
         let score = w.gravity * down
-            + w.lever * (1.0 - lever / 0.06).clamp(-1.0, 1.0)
+            + w.lever * (1.0 - lever / settings.lever_scale).clamp(-1.0, 1.0)
             + w.room * (room / (3.0 * sigma)).min(1.0)
-            // A third of the pad is what a can gives.
-            + w.contact * (candidate.contact_share / 0.34).min(1.0)
-            + w.spread * (candidate.contact_spread / 0.003).min(1.0)
+            + w.contact * (candidate.contact_share / settings.contact_full).min(1.0)
+            + w.spread * (candidate.contact_spread / settings.spread_full).min(1.0)
             + w.depth * (1.0 - candidate.contact_depth.abs() / pad.x)
             + w.cone * candidate.cone_angle.cos();
         (score, lever, world_from_gripper)
@@ -80,7 +81,8 @@ pub(super) fn oriented<'a>(
     if let Some(surface) = grasps.surface.as_ref().filter(|_| scored.len() < settings.keep) {
         low.sort_by(|a, b| a.0.total_cmp(&b.0));
         let raised = low.iter().take(RAISED).filter_map(|(by, candidate)| {
-            let raised = drawn_back(candidate, *by, &world_from_object, surface, grasps.cone, gripper)?;
+            let raised =
+                drawn_back(candidate, *by, &world_from_object, (surface, grasps.cone), gripper, settings)?;
             too_low(&raised).is_some_and(|by| by <= 0.0).then_some(raised)
         });
         scored.extend(raised.map(|candidate| scored_as(Cow::Owned(candidate))));
@@ -89,30 +91,30 @@ pub(super) fn oriented<'a>(
     scored
 }
 
-/// Grasps that are drawn back at most, and what of the pads must stay on the object, metres.
+/// Grasps that are drawn back at most: a bound on the work.
 const RAISED: usize = 200;
-const FINGERTIPS: f64 = 0.003;
 
 /// The same grasp with the hand `by` higher, along its approach; none when it does not hold the object there.
 fn drawn_back(
     candidate: &GraspCandidate,
     by: f64,
     world_from_object: &Pose<World, Object>,
-    surface: &Surface,
-    cone: f64,
+    (surface, cone): (&Surface, f64),
     gripper: &GripperConfig,
+    settings: &GraspSettings,
 ) -> Option<GraspCandidate> {
     // A hair more, for the grasp is centred again.
     const SPARE: f64 = 2e-4;
     let pad = &gripper.pad_half_extents;
     let down = -(*world_from_object * candidate.object_from_gripper).transform_vector(&Vector3::x()).z;
     let back = (by + SPARE) / down;
-    if candidate.contact_depth + back > pad.x - FINGERTIPS {
+    if candidate.contact_depth + back > pad.x - settings.fingertips {
         return None;
     }
     let mut pose = candidate.object_from_gripper.iso() * Translation3::new(-back, 0.0, 0.0);
-    let opening = narrow_opening(candidate.width, gripper);
-    let contact = pad_contact(surface, pad, &pose, opening, Look::Fine).filter(|c| c.cone_angle <= cone)?;
+    let opening = narrow_opening(candidate.width, gripper, &settings.antipodal);
+    let contact =
+        pad_contact(surface, pad, &pose, opening, RayGrid::Fine).filter(|c| c.cone_angle <= cone)?;
     pose.translation.vector += pose.rotation * Vector3::y() * contact.center;
     // The hand was clear nearer to the object.
     Some(GraspCandidate::new(pose, &contact, candidate.fits_wide))

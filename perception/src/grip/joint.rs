@@ -3,91 +3,27 @@
 //! Pixels are explained once: of two objects that explain the same ones, such as two clamps of nearly one size or two of a
 //! kind, the worse is searched again without them. And of poses that score about alike those are taken in which bodies do
 //! not overlap and nothing hangs in the air. On two sets of ours (10 % jittered boxes, 16 scenes) the first is worth 1.6 and
-//! 3.0 points of AUC (ADD-S, 4 cm), most of it in heaps; the second changes nothing beyond 0.1.
+//! 3.0 points of AUC (ADD-S, 4 cm), most of it in clutter; the second changes nothing beyond 0.1.
 
 use std::sync::Arc;
 
 use nalgebra::Isometry3;
-use serde::{Deserialize, Serialize};
 
-use super::model::Model;
-use super::search::{Found, Hypothesis, reach};
-use super::settings::GripSettings;
-use super::trace;
-use crate::error::{Error, Result};
-use crate::hypotheses::{Observation, Raster, render};
+use super::belief::evidence;
+use super::settings::{GripSettings, JointSettings};
+use crate::error::Result;
+use crate::hull::reach;
+use crate::hypotheses::{Raster, render};
+use crate::model::Model;
+use crate::observation::{Observation, Stride};
+use crate::particles::{ScoredPose, SearchResult, replaced};
 
-/// Stride and triangles at which claims are drawn.
-const STRIDE: usize = 2;
-const TRIANGLES: usize = 500;
-/// A pixel is explained when the surfaces are this many epsilons apart at most.
-const KERNEL: f32 = 2.0;
-/// Poses of the population that are looked at, besides the best.
-const ALTERNATIVES: usize = 12;
-
-/// When objects are looked at together. Figures are of scores, which are about 0 to 1.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct JointSettings {
-    /// Two objects that explain the same pixels, by more than this share of either one's inliers, are in conflict: the
-    /// one with the lower score is searched again without those pixels.
-    pub conflict_share: f64,
-    /// Instances of each object that are looked for, at most; those after the first are further modes of the posterior. (The
-    /// paper finds one, and names that as its limit.)
-    pub instances: usize,
-    /// A pose that scores less than the best one by more is no alternative to it.
-    pub margin: f32,
-    /// What an overlap of bodies costs, at most.
-    pub overlap_weight: f32,
-    /// Overlap that is free, metres: of estimates that are a little off, and of simplified meshes,
-    pub overlap_free_m: f32,
-    /// and that costs the full weight.
-    pub overlap_full_m: f32,
-    /// What hanging in the air costs.
-    pub afloat_weight: f32,
-    /// Farther from the support plane and from all other objects than this is in the air, metres.
-    pub afloat_m: f32,
-}
-
-impl Default for JointSettings {
-    fn default() -> Self {
-        Self {
-            conflict_share: 0.5,
-            instances: 1,
-            margin: 0.05,
-            overlap_weight: 0.1,
-            overlap_free_m: 0.006,
-            overlap_full_m: 0.020,
-            afloat_weight: 0.03,
-            afloat_m: 0.015,
-        }
-    }
-}
-
-impl JointSettings {
-    /// Refuses values that mean nothing.
-    pub(crate) fn check(&self) -> Result<()> {
-        let values = [
-            ("joint.conflict_share", self.conflict_share),
-            ("joint.margin", f64::from(self.margin)),
-            ("joint.overlap_weight", f64::from(self.overlap_weight)),
-            ("joint.overlap_free_m", f64::from(self.overlap_free_m)),
-            ("joint.overlap_full_m", f64::from(self.overlap_full_m)),
-            ("joint.afloat_weight", f64::from(self.afloat_weight)),
-            ("joint.afloat_m", f64::from(self.afloat_m)),
-        ];
-        for (name, value) in values {
-            if !(0.0..=10.0).contains(&value) {
-                let message = "0 to 10; see the default".to_owned();
-                return Err(Error::Setting { name, value: value.to_string(), message });
-            }
-        }
-        Ok(())
-    }
-}
+/// Resolution at which explained pixels are counted, that of [`Observation::without`], and triangles with which they are drawn.
+const STRIDE: Stride = Stride::Two;
+pub(super) const TRIANGLES: usize = 500;
 
 /// What a search gave, and the seconds that it took.
-pub(crate) type Searched = (Option<Found>, f64);
+pub(crate) type Searched = (Option<SearchResult>, f64);
 
 /// The objects of a frame.
 pub(crate) struct Joint<'a, S> {
@@ -117,10 +53,11 @@ where
         let pitch = self.observation.level(STRIDE).pitch;
         let mut taken = vec![false; self.observation.level(STRIDE).w.len()];
         for (model, (found, _)) in self.models.iter().zip(results.iter()) {
-            if let Some(found) =
-                found.as_ref().filter(|f| f.evidence(self.settings) >= self.settings.presence_score)
+            if let Some(found) = found
+                .as_ref()
+                .filter(|f| evidence(f, &self.settings.score) >= self.settings.belief.presence_score)
             {
-                claim(&mut taken, &explained(model, &found.best.pose, self.observation), pitch);
+                claim(&mut taken, &self.explained(model, &found.best.pose, self.observation), pitch);
             }
         }
         for (i, (found, seconds)) in results.iter_mut().enumerate() {
@@ -129,13 +66,32 @@ where
                 let rest = self.observation.without(&taken);
                 let (next, spent) = (self.search)(i, &rest)?;
                 *seconds += spent;
-                let there = |f: &Found| f.evidence(self.settings) >= self.settings.presence_score;
+                let there = |f: &SearchResult| {
+                    evidence(f, &self.settings.score) >= self.settings.belief.presence_score
+                };
                 let Some(next) = next.filter(there) else { break };
-                claim(&mut taken, &explained(&self.models[i], &next.best.pose, &rest), pitch);
+                claim(&mut taken, &self.explained(&self.models[i], &next.best.pose, &rest), pitch);
                 found.others.push(next);
             }
         }
         Ok(())
+    }
+
+    /// The pixels (of the padded level with stride 2), in ascending order, that a posed object explains: rendered there, and
+    /// where the reading is.
+    fn explained(&self, model: &Model, pose: &Isometry3<f32>, observation: &Observation) -> Vec<usize> {
+        let level = observation.level(STRIDE);
+        let kernel = self.settings.joint.claim_kernel;
+        let mut raster = Raster::default();
+        if render(&mut raster, model.lod(TRIANGLES), pose, level, None).is_none() {
+            return Vec::new();
+        }
+        let fits = |(u, v, w): (i32, i32, f32)| {
+            let i = level.index(u, v);
+            let close = (level.w[i] - w).abs() < kernel * level.tol[i] * w;
+            (level.w[i] > 0.0 && close && level.weight[i] > 0.0).then_some(i)
+        };
+        raster.tile.pixels().filter_map(fits).collect()
     }
 
     /// Numbers of the objects, the best score first.
@@ -154,9 +110,9 @@ where
         let mut taken = vec![false; self.observation.level(STRIDE).w.len()];
         for i in Self::order(results) {
             let Some(found) = &results[i].0 else { continue };
-            let mut mine = explained(&self.models[i], &found.best.pose, self.observation);
+            let mut mine = self.explained(&self.models[i], &found.best.pose, self.observation);
             let conflict = claims.iter().any(|c| overlap(c, &mine) > joint.conflict_share);
-            if conflict && found.best.score > self.settings.hopeless_score {
+            if conflict && found.best.score > self.settings.restarts.hopeless_score {
                 let rest = self.observation.without(&taken);
                 let (second, seconds) = (self.search)(i, &rest)?;
                 let (hypotheses, trace) = (found.hypotheses, found.trace.clone());
@@ -164,8 +120,8 @@ where
                 results[i].1 += seconds;
                 if let Some(mut second) = second {
                     second.hypotheses += hypotheses;
-                    second.trace = trace::replaced(trace, before, second.trace);
-                    mine = explained(&self.models[i], &second.best.pose, &rest);
+                    second.trace = replaced(trace, before, second.trace);
+                    mine = self.explained(&self.models[i], &second.best.pose, &rest);
                     results[i].0 = Some(second);
                 }
             }
@@ -180,17 +136,17 @@ where
         for i in Self::order(results) {
             let Some(found) = &results[i].0 else { continue };
             let least = found.best.score - joint.margin;
-            let others: Vec<(usize, Hypothesis)> = (0..results.len())
+            let others: Vec<(usize, ScoredPose)> = (0..results.len())
                 .filter(|&j| j != i)
                 .filter_map(|j| Some((j, results[j].0.as_ref()?.best)))
-                .filter(|(_, other)| other.score >= self.settings.hopeless_score)
+                .filter(|(_, other)| other.score >= self.settings.restarts.hopeless_score)
                 .collect();
-            let fitting = |h: &Hypothesis| h.score - self.misfit(i, h, &others, joint);
+            let fitting = |h: &ScoredPose| h.score - self.misfit(i, h, &others, joint);
             let mut best = (found.best, fitting(&found.best));
             if best.1 >= found.best.score {
                 continue;
             }
-            for h in found.population.iter().filter(|h| h.score >= least).take(ALTERNATIVES) {
+            for h in found.population.iter().filter(|h| h.score >= least).take(joint.alternatives) {
                 let fit = fitting(h);
                 if fit > best.1 {
                     best = (*h, fit);
@@ -203,21 +159,21 @@ where
     }
 
     /// What a pose costs for overlapping with other objects, those that score no less, and for hanging in the air.
-    fn misfit(&self, i: usize, h: &Hypothesis, others: &[(usize, Hypothesis)], joint: &JointSettings) -> f32 {
+    fn misfit(&self, i: usize, h: &ScoredPose, others: &[(usize, ScoredPose)], joint: &JointSettings) -> f32 {
         let (model, pose) = (&self.models[i], &h.pose);
-        let Some(solid) = model.solid() else { return 0.0 };
+        let Some(body) = model.body() else { return 0.0 };
         let (mut depth, mut gap) = (0.0f32, f32::MAX);
         for (j, other) in others {
             let far = (pose.translation.vector - other.pose.translation.vector).norm();
             let reach = model.radius + self.models[*j].radius;
-            let Some(body) = self.models[*j].solid() else { continue };
+            let Some(other_body) = self.models[*j].body() else { continue };
             if far < reach + joint.afloat_m {
-                let meeting = solid.meets(pose, body, &other.pose);
+                let clearance = body.clearance(pose, other_body, &other.pose);
                 // The one with the lower score gives way.
                 if other.score >= h.score {
-                    depth = depth.max(meeting.depth);
+                    depth = depth.max(clearance.depth);
                 }
-                gap = gap.min(meeting.gap);
+                gap = gap.min(clearance.gap);
             }
         }
         let share = (depth - joint.overlap_free_m) / (joint.overlap_full_m - joint.overlap_free_m).max(1e-6);
@@ -227,22 +183,6 @@ where
         });
         joint.overlap_weight * share.clamp(0.0, 1.0) + if afloat { joint.afloat_weight } else { 0.0 }
     }
-}
-
-/// The pixels (of the padded level with stride 2), in ascending order, that a posed object explains: rendered there, and
-/// where the reading is.
-fn explained(model: &Model, pose: &Isometry3<f32>, observation: &Observation) -> Vec<usize> {
-    let level = observation.level(STRIDE);
-    let mut raster = Raster::default();
-    if render(&mut raster, model.lod(TRIANGLES), pose, level, None).is_none() {
-        return Vec::new();
-    }
-    let fits = |(u, v, w): (i32, i32, f32)| {
-        let i = level.index(u, v);
-        let close = (level.w[i] - w).abs() < KERNEL * level.tol[i] * w;
-        (level.w[i] > 0.0 && close && level.weight[i] > 0.0).then_some(i)
-    };
-    raster.tile.pixels().filter_map(fits).collect()
 }
 
 /// The share of the smaller of two ascending lists of pixels that is in both; 0 when one is empty.

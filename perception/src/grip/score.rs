@@ -5,7 +5,7 @@
 //! the support plane explain nothing; edges are compared along the silhouette. In the same search W finds .92 of the poses
 //! where this score finds .97.
 
-use super::settings::GripSettings;
+use super::settings::ScoreSettings;
 use crate::hypotheses::Terms;
 
 /// What each term gives to the score; 1 in all is a perfect explanation.
@@ -40,7 +40,7 @@ impl Parts {
 /// lowest point over the support plane, if there is one. Too few pixels are worth nothing.
 pub(crate) fn parts(
     terms: &Terms,
-    settings: &GripSettings,
+    settings: &ScoreSettings,
     stride: usize,
     box_support: f32,
     lowest: Option<f32>,

@@ -1,7 +1,7 @@
 //! A rendered hypothesis against the frame, pixel by pixel.
 
-use super::observation::Level;
 use super::raster::Tile;
+use crate::observation::Level;
 use grip_sim::lanes::{F8, LANES, blocks, in_memory, per_machine};
 
 /// Sums over a rendered tile.

@@ -9,8 +9,8 @@
 use nalgebra::{Isometry3, Vector3};
 
 use super::lod::Lod;
-use super::observation::Level;
-use grip_sim::lanes::{F8, LANES, per_machine};
+use crate::observation::{FlatPlane, Level};
+use grip_sim::lanes::{F8, Isa, LANES, per_machine};
 
 /// Points nearer than this are not rendered, metres.
 const NEAREST: f32 = 0.05;
@@ -92,9 +92,6 @@ pub(crate) struct Raster {
     pub tile: Tile,
 }
 
-/// A plane for the kernels: normal and offset.
-pub type FlatPlane = (Vector3<f32>, f32);
-
 per_machine! {
     /// Draws `lod` at camera-from-object `pose` into [`Raster::tile`]. `None`, and the tile is not to be used, when a part
     /// of it is too near or it is wholly outside the image.
@@ -105,6 +102,17 @@ per_machine! {
         level: &Level,
         plane: Option<&FlatPlane>,
     ) -> Option<Extent> => render_body
+}
+
+/// Draws `lod` at camera-from-object `pose`, as [`render_on`] does, with the best instructions.
+pub(crate) fn render(
+    raster: &mut Raster,
+    lod: &Lod,
+    pose: &Isometry3<f32>,
+    level: &Level,
+    plane: Option<&FlatPlane>,
+) -> Option<Extent> {
+    render_on(Isa::best(), raster, lod, pose, level, plane)
 }
 
 #[inline(always)]

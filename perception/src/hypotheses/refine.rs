@@ -2,8 +2,8 @@
 
 use nalgebra::{Isometry3, Matrix6, Translation3, UnitQuaternion, Vector3, Vector6};
 
-use super::observation::Level;
 use super::raster::Tile;
+use crate::observation::Level;
 use grip_sim::lanes::{F8, LANES, blocks, per_machine};
 
 /// The kernel of the refinement is at least this many epsilons wide, or it could not pull from anywhere.

@@ -3,8 +3,9 @@
 use std::fmt;
 use std::sync::Arc;
 
+use super::batch::Hypotheses;
+use super::cpu::Cpu;
 use super::gpu::{Gpu, GpuRenderer};
-use super::{Cpu, Hypotheses};
 use crate::error::Result;
 
 /// Which renderer of hypotheses to use.

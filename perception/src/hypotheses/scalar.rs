@@ -6,7 +6,7 @@ use nalgebra::{Isometry3, Point3};
 
 use super::compare::Terms;
 use super::lod::Lod;
-use super::observation::Level;
+use crate::observation::Level;
 
 /// Depth by pixel (column, row), one pixel beyond the image included, metres.
 pub(crate) type Picture = HashMap<(i32, i32), f64>;

@@ -1,162 +1,66 @@
 //! Properties of the kernels, on frames whose truth is known in closed form.
 
 use std::collections::HashMap;
-use std::sync::Arc;
 
 use grip_sim::camera::Intrinsics;
 use grip_sim::frame::CameraFrame;
-use grip_sim::images::{Image, RgbImage};
-use grip_sim::mesh::{Material, Mesh, Visual};
-use grip_sim::objects::{Fragility, ObjectInfo, ObjectLibrary, ObjectModel, ObjectSet};
-use grip_sim::pose::Pose;
-use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
+use grip_sim::objects::{ObjectLibrary, ObjectSet};
+use grip_testkit::frames::painted;
+use grip_testkit::meshes;
+use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 use proptest::prelude::*;
 
 use super::compare::compare;
 use super::lod::{Lod, unsimplified, weld};
-use super::observation::Observation;
-use super::raster::{Raster, render_on};
+use super::raster::{Raster, render, render_on};
 use super::refine::{accumulate, step};
-use super::{Batch, Cpu, Hypotheses, Isa, render, scalar};
+use super::{Batch, Cpu, Hypotheses, Isa, scalar};
 use crate::allocations::allocations;
-use crate::grip::{GripSettings, Model};
+use crate::grip::{ScoreSettings, parts};
+use crate::model::Model;
+use crate::model::fixtures::{model, skew_box, sphere};
+use crate::observation::{Observation, ObservationSettings, Stride};
+use crate::support::SupportSettings;
 
-pub(crate) fn model(positions: Vec<Point3<f32>>, triangles: Vec<[u32; 3]>) -> Model {
-    let info = ObjectInfo {
-        name: "thing".into(),
-        bop_id: 1,
-        mass_kg: 0.1,
-        friction: 0.5,
-        symmetric: false,
-        fragility: Fragility::Sturdy,
-        upright: false,
-        revolution: None,
-        half_turns: vec![],
-    };
-    let visual = Visual {
-        mesh: Arc::new(Mesh { positions, triangles, ..Mesh::default() }),
-        material: Material::default(),
-    };
-    let object = ObjectModel::new(info, visual, vec![]);
-    Model::new(&object, &[200, 500, 1000]).unwrap()
-}
-
-type Parts = (Vec<Point3<f32>>, Vec<[u32; 3]>);
-
-/// A box with one corner cut off by moving it inwards, so that no turn maps it to itself.
-pub(crate) fn skew_box(size: [f32; 3]) -> Model {
-    let (positions, triangles) = box_mesh(size);
-    model(positions, triangles)
-}
-
-fn box_mesh(size: [f32; 3]) -> Parts {
-    let positions = (0..8)
-        .map(|i| {
-            let cut = if i == 7 { 0.2 } else { 0.5 };
-            let side = |b: i32, s: f32| if i >> b & 1 == 1 { cut * s } else { -0.5 * s };
-            Point3::new(side(0, size[0]), side(1, size[1]), side(2, size[2]))
-        })
-        .collect();
-    let quads = [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];
-    (positions, quads.iter().flat_map(|&[a, b, c, d]| [[a, b, c], [a, c, d]]).collect())
-}
-
-pub(super) fn sphere(radius: f32) -> Model {
-    let (positions, triangles) = sphere_mesh(radius);
-    model(positions, triangles)
-}
-
-fn sphere_mesh(radius: f32) -> Parts {
-    let (rings, sectors) = (24u32, 48u32);
-    let mut positions = Vec::new();
-    let mut triangles = Vec::new();
-    for i in 0..=rings {
-        for j in 0..sectors {
-            let (st, ct) = (std::f32::consts::PI * i as f32 / rings as f32).sin_cos();
-            let (sp, cp) = (std::f32::consts::TAU * j as f32 / sectors as f32).sin_cos();
-            positions.push(Point3::new(radius * st * cp, radius * st * sp, radius * ct));
-        }
-    }
-    for i in 0..rings {
-        for j in 0..sectors {
-            let (a, b) = (i * sectors + j, i * sectors + (j + 1) % sectors);
-            let (c, d) = (a + sectors, b + sectors);
-            triangles.extend([[a, c, b], [b, c, d]]);
-        }
-    }
-    (positions, triangles)
-}
-
-/// A closed cylinder about z.
-pub(crate) fn can(radius: f32, height: f32) -> Model {
-    let (positions, triangles) = can_mesh(radius, height);
-    model(positions, triangles)
-}
-
-/// A cylinder about z with a handle on the side of x.
-pub(crate) fn mug(radius: f32, height: f32) -> Model {
-    let (mut positions, mut triangles) = can_mesh(radius, height);
-    let first = positions.len() as u32;
-    let (corners, faces) = box_mesh([0.04, 0.015, 0.6 * height]);
-    positions.extend(corners.into_iter().map(|p| p + Vector3::x() * (radius + 0.015)));
-    triangles.extend(faces.into_iter().map(|f| f.map(|i| i + first)));
-    model(positions, triangles)
-}
-
-fn can_mesh(radius: f32, height: f32) -> Parts {
-    let sides = 48u32;
-    let mut positions = vec![Point3::new(0.0, 0.0, -0.5 * height), Point3::new(0.0, 0.0, 0.5 * height)];
-    let mut triangles = Vec::new();
-    for i in 0..sides {
-        let (sin, cos) = (std::f32::consts::TAU * i as f32 / sides as f32).sin_cos();
-        for z in [-0.5 * height, 0.5 * height] {
-            positions.push(Point3::new(radius * cos, radius * sin, z));
-        }
-        let (a, b) = (2 + 2 * i, 2 + 2 * ((i + 1) % sides));
-        triangles.extend([[a, b, b + 1], [a, b + 1, a + 1], [0, b, a], [1, a + 1, b + 1]]);
-    }
-    (positions, triangles)
-}
-
-fn settings() -> GripSettings {
-    GripSettings { plane: None, ..GripSettings::default() }
+fn settings() -> ObservationSettings {
+    ObservationSettings { support: SupportSettings::off(), ..ObservationSettings::default() }
 }
 
 /// What the camera sees of a model before a wall 2 m away.
 pub(crate) fn observe(model: &Model, pose: &Isometry3<f32>) -> Observation {
-    Observation::new(&shown(model, pose, 2.0), &settings())
+    Observation::new(&shown(model, pose, 2.0), &settings(), None)
 }
 
 /// A frame with the depth of a model before a wall that is so far away, metres, and without colour.
 pub(crate) fn shown(model: &Model, pose: &Isometry3<f32>, wall: f32) -> CameraFrame {
-    let k = Intrinsics::FETCH;
-    let mut frame = CameraFrame {
-        rgb: RgbImage::new(640, 480),
-        depth: Image::filled(k.width, k.height, wall),
-        intrinsics: k,
-        world_from_camera: Pose::identity(),
-    };
-    let blank = Observation::new(&frame, &settings());
+    let mut frame = painted(Intrinsics::FETCH, |_, _| wall);
+    let blank = Observation::new(&frame, &settings(), None);
     let mut raster = Raster::default();
-    render(&mut raster, model.lod(1000), pose, blank.level(1), None).unwrap();
+    render(&mut raster, model.lod(1000), pose, blank.level(Stride::One), None).unwrap();
     for (u, v, w) in raster.tile.pixels() {
         *frame.depth.at_mut(u as usize, v as usize) = 1.0 / w;
     }
     frame
 }
 
-pub(super) fn placed(x: f32, y: f32, z: f32, turn: Vector3<f32>) -> Isometry3<f32> {
+pub(crate) fn placed(x: f32, y: f32, z: f32, turn: Vector3<f32>) -> Isometry3<f32> {
     Isometry3::from_parts(Translation3::new(x, y, z), UnitQuaternion::from_scaled_axis(turn))
 }
 
-fn score(model: &Model, pose: &Isometry3<f32>, observation: &Observation, stride: usize, kernel: f32) -> f32 {
+fn score(
+    model: &Model,
+    pose: &Isometry3<f32>,
+    observation: &Observation,
+    stride: Stride,
+    kernel: f32,
+) -> f32 {
     let level = observation.level(stride);
     let mut raster = Raster::default();
     match render(&mut raster, model.lod(1000), pose, level, None) {
-        Some(_) => crate::grip::parts(
+        Some(_) => parts(
             &compare(Isa::best(), &raster.tile, level, kernel),
-            &settings(),
-            stride,
+            &ScoreSettings::default(),
+            stride.pixels(),
             0.0,
             None,
         )
@@ -169,7 +73,7 @@ fn score(model: &Model, pose: &Isometry3<f32>, observation: &Observation, stride
 fn a_facing_plane_is_rendered_at_its_depth_in_its_rectangle() {
     let model = skew_box([0.2, 0.1, 0.04]);
     let blank = observe(&model, &placed(0.0, 0.0, 1.0, Vector3::zeros()));
-    let level = blank.level(1);
+    let level = blank.level(Stride::One);
     let mut raster = Raster::default();
     // Turned so that the uncut face, at z = -0.02, is before the camera.
     render(&mut raster, model.lod(1000), &placed(0.0, 0.0, 1.0, Vector3::zeros()), level, None).unwrap();
@@ -202,7 +106,7 @@ fn a_sphere_has_no_gaps_and_the_right_depth() {
     let model = sphere(0.05);
     let pose = placed(0.03, -0.05, 0.9, Vector3::new(0.3, 0.2, 0.1));
     let observation = observe(&model, &pose);
-    for stride in [1, 2, 4] {
+    for stride in [Stride::One, Stride::Two, Stride::Four] {
         let level = observation.level(stride);
         let mut raster = Raster::default();
         render(&mut raster, model.lod(1000), &pose, level, None).unwrap();
@@ -233,14 +137,17 @@ fn a_hypothesis_over_the_image_border_stays_inside() {
     let model = sphere(0.1);
     let observation = observe(&model, &placed(0.0, 0.0, 1.0, Vector3::zeros()));
     for (x, y) in [(0.6, 0.0), (-0.6, 0.0), (0.0, 0.45), (0.0, -0.45), (5.0, 0.0)] {
-        for stride in [1, 2, 4] {
+        for stride in [Stride::One, Stride::Two, Stride::Four] {
             let s = score(&model, &placed(x, y, 1.0, Vector3::zeros()), &observation, stride, 2.0);
             assert!(s.is_finite());
         }
     }
     // Through the lens, behind the camera, not a number.
     for z in [0.05, -1.0, f32::NAN, f32::INFINITY] {
-        assert_eq!(score(&model, &placed(0.0, 0.0, z, Vector3::zeros()), &observation, 4, 2.0), 0.0);
+        assert_eq!(
+            score(&model, &placed(0.0, 0.0, z, Vector3::zeros()), &observation, Stride::Four, 2.0),
+            0.0
+        );
     }
 }
 
@@ -249,34 +156,21 @@ fn holes_are_neutral_and_depth_values_of_any_kind_do_no_harm() {
     let model = skew_box([0.06, 0.09, 0.12]);
     let pose = placed(0.0, 0.0, 0.8, Vector3::new(0.5, 0.4, 0.3));
     let whole = observe(&model, &pose);
-    let k = Intrinsics::FETCH;
-    let mut frame = CameraFrame {
-        rgb: RgbImage::new(640, 480),
-        depth: Image::filled(k.width, k.height, 2.0),
-        intrinsics: k,
-        world_from_camera: Pose::identity(),
-    };
-    let level = whole.level(1);
+    let level = whole.level(Stride::One);
     let bad = [0.0, f32::NAN, f32::INFINITY, -1.0, 1e30];
-    for v in 0..k.height {
-        for u in 0..k.width {
-            let w = level.w[level.index(u as i32, v as i32)];
-            *frame.depth.at_mut(u, v) = if (u * 7 + v * 3) % 5 == 0 { bad[(u + v) % 5] } else { 1.0 / w };
-        }
-    }
-    let holed = Observation::new(&frame, &settings());
-    let (a, b) = (score(&model, &pose, &whole, 1, 1.0), score(&model, &pose, &holed, 1, 1.0));
+    let frame = painted(Intrinsics::FETCH, |u, v| {
+        let w = level.w[level.index(u as i32, v as i32)];
+        if (u * 7 + v * 3) % 5 == 0 { bad[(u + v) % 5] } else { 1.0 / w }
+    });
+    let holed = Observation::new(&frame, &settings(), None);
+    let (a, b) =
+        (score(&model, &pose, &whole, Stride::One, 1.0), score(&model, &pose, &holed, Stride::One, 1.0));
     assert!((a - b).abs() < 0.02, "{a} {b}");
 }
 
-/// A mug-like thing: a sphere with a box beside it, so that parts hide each other.
+/// Its parts hide each other.
 fn lumpy() -> Model {
-    let ball = sphere_mesh(0.05);
-    let bar = box_mesh([0.03, 0.03, 0.12]);
-    let count = ball.0.len() as u32;
-    let positions = ball.0.into_iter().chain(bar.0.into_iter().map(|p| p + Vector3::new(0.06, 0.0, 0.01)));
-    let triangles = ball.1.into_iter().chain(bar.1.into_iter().map(|t| t.map(|i| i + count)));
-    model(positions.collect(), triangles.collect())
+    model(meshes::ball_and_bar())
 }
 
 /// Poses all over: in view, over the border, hidden in part, behind and before what is seen.
@@ -298,7 +192,7 @@ fn every_instruction_set_draws_and_counts_as_the_scalar_reference() {
         let observation = observe(&model, &placed(0.0, 0.0, 0.9, Vector3::new(0.5, 0.4, 0.3)));
         for i in 0..40 {
             let pose = scattered(i);
-            for stride in [1, 2, 4, 8] {
+            for stride in Stride::ALL {
                 let level = observation.level(stride);
                 let lod = model.lod(500);
                 // Pixels on an edge may fall to either side.
@@ -357,7 +251,7 @@ fn the_same_bits_whatever_the_instruction_set() {
     let bits = |values: &[f32]| values.iter().map(|x| x.to_bits()).collect::<Vec<_>>();
     for i in 0..60 {
         let pose = scattered(i);
-        for stride in [1, 2, 4, 8] {
+        for stride in Stride::ALL {
             let level = observation.level(stride);
             let lod = model.lod(200);
             let centre = pose.translation.vector;
@@ -381,7 +275,7 @@ fn hypotheses_are_moved_and_weighed_without_allocation() {
     let model = lumpy();
     let observation = observe(&model, &placed(0.0, 0.0, 0.9, Vector3::new(0.5, 0.4, 0.3)));
     let mut cpu = Cpu::default();
-    for stride in [8, 4, 2, 1] {
+    for stride in Stride::ALL {
         let batch = Batch {
             lod: model.lod(500),
             radius: model.radius,
@@ -421,7 +315,7 @@ proptest! {
             Translation3::from(truth.translation.vector + direction * length),
             truth.rotation,
         );
-        for stride in [1, 2, 4] {
+        for stride in [Stride::One, Stride::Two, Stride::Four] {
             let (at, beside) = (score(&model, &truth, &observation, stride, 1.0), score(&model, &displaced, &observation, stride, 1.0));
             prop_assert!(at > beside, "stride {stride}: {at} at the truth, {beside} displaced by {length}");
         }
@@ -436,7 +330,7 @@ proptest! {
         let model = skew_box([0.06, 0.09, 0.14]);
         let truth = placed(0.02, 0.03, 0.9, Vector3::from(turn));
         let observation = observe(&model, &truth);
-        let level = observation.level(1);
+        let level = observation.level(Stride::One);
         let mut pose = Isometry3::from_parts(
             Translation3::from(truth.translation.vector + Vector3::from(shift)),
             UnitQuaternion::from_scaled_axis(Vector3::from(tilt)) * truth.rotation,
@@ -477,7 +371,7 @@ fn levels_of_detail_are_near_the_mesh() {
     let library = ObjectLibrary::open(&table, ObjectSet::BuiltIn).unwrap();
     let counts = [60, 200, 500, 1000];
     let blank = observe(&sphere(0.05), &placed(0.0, 0.0, 0.9, Vector3::zeros()));
-    let level = blank.level(1);
+    let level = blank.level(Stride::One);
     println!("{:24} mean depth error, mm, and triangles", "object");
     for name in library.names() {
         let object = library.load(name).unwrap();

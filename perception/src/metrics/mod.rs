@@ -6,14 +6,14 @@
 
 mod add;
 mod recall;
-mod symmetric;
+mod surface_distance;
 mod vsd;
 
 use nalgebra::Point3;
 
 pub use add::{Surface, add, adds};
 pub use recall::{AverageRecall, Hits, Measured, PairErrors, THRESHOLDS};
-pub use symmetric::{SYMMETRY_STEP, SymmetricShape};
+pub use surface_distance::{SYMMETRY_STEP, SymmetricShape};
 pub use vsd::{DELTA_M, vsd};
 
 /// At most `count` of `points`, evenly spaced in their order.

@@ -79,7 +79,7 @@ fn key(mesh: &Mesh) -> String {
     for t in &mesh.triangles {
         t.iter().for_each(|i| hasher.update(i.to_le_bytes()));
     }
-    hasher.finalize().iter().map(|byte| format!("{byte:02x}")).collect()
+    format!("{:x}", hasher.finalize())
 }
 
 #[cfg(test)]

@@ -75,10 +75,8 @@ impl ObjectLibrary {
     fn unknown(&self, name: &str) -> Error {
         let known: Vec<&str> = self.names().collect();
         let mut text = known.join(", ");
-        let close = known.iter().map(|known| (edits(known, name), known)).min();
-        if let Some((edits, known)) = close
-            && edits <= 5
-        {
+        let closest = known.iter().filter_map(|known| Some((edits(known, name)?, known))).min();
+        if let Some((_, known)) = closest {
             text.push_str(&format!("; did you mean '{known}'?"));
         }
         Error::UnknownObject { name: name.to_owned(), known: text }
@@ -118,21 +116,17 @@ fn holds_bop_models(folder: &Path) -> bool {
     })
 }
 
-/// Levenshtein distance, but letters missing from `typed` cost nothing at the ends: `mug` is close to `025_mug`.
-fn edits(known: &str, typed: &str) -> usize {
-    let known = known.as_bytes();
-    let mut row = vec![0; known.len() + 1];
-    for (i, t) in typed.bytes().enumerate() {
-        let mut diagonal = row[0];
-        row[0] = i + 1;
-        for (j, &k) in known.iter().enumerate() {
-            let replace = diagonal + usize::from(!t.eq_ignore_ascii_case(&k));
-            diagonal = row[j + 1];
-            row[j + 1] = replace.min(row[j] + 1).min(row[j + 1] + 1);
-        }
+/// How many letters were mistyped, if `known` may have been meant: the whole name or the one without its number. 0 where
+/// `typed` is a part of it.
+fn edits(known: &str, typed: &str) -> Option<usize> {
+    let (known, typed) = (known.to_ascii_lowercase(), typed.to_ascii_lowercase());
+    if !typed.is_empty() && known.contains(&typed) {
+        return Some(0);
     }
+    let unnumbered = known.split_once('_').map_or(known.as_str(), |(_, name)| name);
+    let edits = strsim::levenshtein(&known, &typed).min(strsim::levenshtein(unnumbered, &typed));
     // A guess must share at least half of what was typed.
-    row.into_iter().min().filter(|&cost| 2 * cost <= typed.len()).unwrap_or(usize::MAX)
+    (edits <= 5 && 2 * edits <= typed.len()).then_some(edits)
 }
 
 #[cfg(test)]
@@ -189,6 +183,9 @@ mod tests {
         let message = library.load("tomato_soup_can").unwrap_err().to_string();
         assert!(message.contains("002_master_chef_can, 003_cracker_box"), "{message}");
         assert!(message.contains("did you mean '005_tomato_soup_can'"), "{message}");
+        assert!(
+            library.info("tomato").unwrap_err().to_string().contains("did you mean '005_tomato_soup_can'")
+        );
         assert!(library.info("mugg").unwrap_err().to_string().contains("did you mean '025_mug'"));
         assert!(!library.info("qqqqqqq").unwrap_err().to_string().contains("did you mean"));
     }

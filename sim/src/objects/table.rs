@@ -5,6 +5,8 @@ use std::path::Path;
 use serde::Deserialize;
 
 use super::{ObjectInfo, symmetry};
+use crate::files;
+use crate::range::within;
 use crate::{Error, Result};
 
 /// The `schema` line that this program reads.
@@ -23,7 +25,7 @@ struct Table {
 /// # Errors
 /// [`Error::Io`] if the file cannot be read; [`Error::Invalid`] with object, field and value for anything wrong in it.
 pub fn load(path: &Path) -> Result<Vec<ObjectInfo>> {
-    let text = std::fs::read_to_string(path).map_err(|source| Error::io(path, source))?;
+    let text = files::read_to_string(path)?;
     let table: Table = toml::from_str(&text).map_err(|error| Error::invalid(path, error.to_string()))?;
     check(&table).map_err(|message| Error::invalid(path, message))?;
     Ok(table.objects)
@@ -62,15 +64,8 @@ fn check_row(info: &ObjectInfo) -> std::result::Result<(), String> {
     if info.bop_id == 0 || info.bop_id > 999_999 {
         return Err(format!("object '{name}': bop_id = {}: must be 1 to 999999", info.bop_id));
     }
-    let within = |field: &str, value: f64, low: f64, high: f64| {
-        // Written so that NaN fails.
-        if value >= low && value <= high {
-            return Ok(());
-        }
-        Err(format!("object '{name}': {field} = {value}: must be {low} to {high}"))
-    };
-    within("mass_kg", info.mass_kg, 1e-3, 50.0)?;
-    within("friction", info.friction, 0.01, 2.0)?;
+    within(&format!("object '{name}': mass_kg"), info.mass_kg, 1e-3, 50.0)?;
+    within(&format!("object '{name}': friction"), info.friction, 0.01, 2.0)?;
     match symmetry::problem(info.revolution, &info.half_turns) {
         Some(problem) => Err(format!("object '{name}': {problem}")),
         None => Ok(()),
@@ -95,6 +90,12 @@ mod tests {
 
     fn with(from: &str, to: &str) -> String {
         format!("schema = \"{SCHEMA}\"\n{}", ROW.replace(from, to))
+    }
+
+    #[test]
+    fn the_built_in_table_is_the_one_on_disk() {
+        let on_disk = Path::new(env!("CARGO_MANIFEST_DIR")).join("../scenes/objects.toml");
+        assert_eq!(load(&files::builtin_path("scenes/objects.toml")).unwrap(), load(&on_disk).unwrap());
     }
 
     #[test]

@@ -12,7 +12,7 @@ use std::path::Path;
 use nalgebra::{Matrix3, Matrix4, Point3, Rotation3, Unit, Vector3};
 use roxmltree::{Document, Node};
 
-use super::mesh_files::{Part, texture};
+use super::mesh_part::{Part, texture};
 use crate::mesh::{Material, Mesh};
 
 /// Deepest nesting of nodes; deeper files are taken for a cycle.

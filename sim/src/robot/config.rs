@@ -10,6 +10,7 @@ use serde::Deserialize;
 use super::{JointKind, RobotModel, list};
 use crate::camera::Intrinsics;
 use crate::error::{Error, Result};
+use crate::files;
 
 /// Slack for positions and speeds copied from tables with rounded digits.
 const ROUNDING: f64 = 1e-6;
@@ -161,7 +162,7 @@ impl RobotConfig {
     /// When the file cannot be read, has an unknown or missing field, names a joint or link that the robot does not
     /// have, a pose is out of limits, or a number makes no sense. The message names file and field.
     pub fn load(path: &Path, robot: &RobotModel) -> Result<Self> {
-        let text = std::fs::read_to_string(path).map_err(|source| Error::io(path, source))?;
+        let text = files::read_to_string(path)?;
         let file: File = toml::from_str(&text).map_err(|error| Error::invalid(path, error.to_string()))?;
         check(file, robot).map_err(|message| Error::invalid(path, message))
     }

@@ -14,6 +14,7 @@ use super::{
     mesh_files, primitives,
 };
 use crate::error::{Error, Result};
+use crate::files;
 use crate::mesh::{Material, Mesh, Visual};
 use crate::shape::{CollisionShape, Convex};
 
@@ -21,7 +22,7 @@ use crate::shape::{CollisionShape, Convex};
 const FARTHEST: f64 = 1e3;
 
 pub(super) fn load(urdf: &Path, package_paths: &[PathBuf]) -> Result<RobotModel> {
-    let text = std::fs::read_to_string(urdf).map_err(|source| Error::io(urdf, source))?;
+    let text = files::read_to_string(urdf)?;
     let is_xacro = urdf.extension().is_some_and(|ending| ending == "xacro");
     if is_xacro || text.contains("<xacro:") {
         return Err(Error::invalid(

@@ -3,21 +3,12 @@
 //! Texts of errors here say what is wrong with the file; the caller adds file, link and URDF.
 
 use std::path::Path;
-use std::sync::Arc;
 
-use image::RgbImage;
 use nalgebra::{Point3, Vector3};
 
 use super::collada;
+use super::mesh_part::{Part, read, texture};
 use crate::mesh::{Material, Mesh};
-
-/// One mesh of a file, with the material that the file gives it.
-#[derive(Debug)]
-pub(super) struct Part {
-    pub mesh: Mesh,
-    /// `None` when the file has none: the URDF's material applies.
-    pub material: Option<Material>,
-}
 
 /// Reads all parts of a mesh file, scaled along the axes.
 pub(super) fn load(path: &Path, scale: &Vector3<f64>) -> Result<Vec<Part>, String> {
@@ -38,10 +29,6 @@ pub(super) fn load(path: &Path, scale: &Vector3<f64>) -> Result<Vec<Part>, Strin
         finish(&mut part.mesh, scale)?;
     }
     Ok(parts)
-}
-
-fn read(path: &Path) -> Result<Vec<u8>, String> {
-    std::fs::read(path).map_err(|error| error.to_string())
 }
 
 /// Checks indices and numbers, applies the scale, and sees to it that every vertex has a unit normal.
@@ -141,8 +128,13 @@ fn stl(bytes: &[u8]) -> Result<Vec<Part>, String> {
 }
 
 fn obj(path: &Path) -> Result<Vec<Part>, String> {
-    let (models, materials) =
-        tobj::load_obj(path, &tobj::GPU_LOAD_OPTIONS).map_err(|error| error.to_string())?;
+    let library = |name: &Path| {
+        let path = path.parent().unwrap_or(Path::new(".")).join(name);
+        let bytes = read(&path).map_err(|_| tobj::LoadError::OpenFileFailed)?;
+        tobj::load_mtl_buf(&mut &*bytes)
+    };
+    let (models, materials) = tobj::load_obj_buf(&mut &*read(path)?, &tobj::GPU_LOAD_OPTIONS, library)
+        .map_err(|error| error.to_string())?;
     let materials = materials.map_err(|error| format!("its material library: {error}"))?;
     let folder = path.parent();
     models
@@ -178,13 +170,4 @@ fn obj(path: &Path) -> Result<Vec<Part>, String> {
             })
         })
         .collect()
-}
-
-/// A texture beside the mesh file.
-pub(super) fn texture(name: &str, folder: Option<&Path>) -> Result<Arc<RgbImage>, String> {
-    let name = name.strip_prefix("file://").unwrap_or(name).replace('\\', "/");
-    let path = folder.unwrap_or(Path::new(".")).join(&name);
-    let image = image::open(&path)
-        .map_err(|error| format!("texture {}: {error}; PNG and JPEG are supported", path.display()))?;
-    Ok(Arc::new(image.to_rgb8()))
 }

@@ -5,11 +5,10 @@
 //! | `mod` | the model as data: links, joints, limits |
 //! | `load` | URDF to model, with every check |
 //! | `resolve` | `package://`, `file://` and relative mesh paths |
-//! | `mesh_files`, `collada`, `primitives`, `hull` | meshes for drawing and convex hulls for collision |
+//! | `mesh_files`, `mesh_part`, `collada`, `primitives`, `hull` | meshes for drawing and convex hulls for collision |
 //! | `kinematics` | forward kinematics and Jacobian on flat arrays |
 //! | `lanes` | forward kinematics of eight configurations at once |
 //! | `ik` | inverse kinematics: Levenberg-Marquardt within joint limits |
-//! | `k_chain` | the same robot as a chain of the `k` crate |
 //! | `config` | `fetch.toml`: groups, named poses, planning limits, camera, gripper |
 //! | `head` | pointing the camera |
 //!
@@ -34,11 +33,11 @@ mod config;
 mod head;
 mod hull;
 mod ik;
-mod k_chain;
 mod kinematics;
 mod lanes;
 mod load;
 mod mesh_files;
+mod mesh_part;
 mod primitives;
 mod resolve;
 #[cfg(test)]
@@ -51,7 +50,6 @@ use nalgebra::{Isometry3, Matrix3, Point3, Unit, Vector3};
 
 pub use config::{CameraConfig, GripperConfig, HeadConfig, NamedPose, PlanningLimits, RobotConfig};
 pub use ik::{IkOutcome, IkRequest};
-pub use k_chain::{from_k, to_k};
 pub use lanes::{GroupKinematics, Pose8};
 
 use crate::error::{Error, Result};
@@ -160,9 +158,10 @@ impl JointLimits {
         (self.lower..=self.upper).contains(&position)
     }
 
-    /// The nearest position within the limits.
+    /// The nearest position within the limits; NaN stays NaN.
     pub fn clamp(&self, position: f64) -> f64 {
-        position.max(self.lower).min(self.upper)
+        // `max` and `min` drop a NaN.
+        if position.is_nan() { position } else { position.max(self.lower).min(self.upper) }
     }
 }
 

@@ -1,25 +1,9 @@
-//! The bin that is packed: its kinds, and the solids that they are built of.
+//! The bin that is packed, and the solids that it is built of.
 
 use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
 use serde::{Deserialize, Serialize};
 
-use super::default_friction;
-use super::fixture::{Fixture, FixtureKind, block};
-
-/// How a bin is built and what it looks like. All are rigid: a bag stands open, as one does in a packing frame.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum BinKind {
-    /// Straight walls of cardboard.
-    #[default]
-    Carton,
-    /// Walls of wooden slats with gaps between them.
-    Crate,
-    /// A plastic tub whose walls lean outwards.
-    Tote,
-    /// Straight walls of paper: for high, thin ones.
-    Bag,
-}
+use super::fixture::{BinKind, Fixture, FixtureKind, block, default_friction};
 
 /// How far the walls of a tote lean outwards, radians: 8 degrees.
 const TOTE_LEAN: f64 = 0.14;

@@ -1,9 +1,24 @@
 //! Solids that never move, as the scene is built of them.
 
 use nalgebra::{Isometry3, Vector3};
+use serde::{Deserialize, Serialize};
 
-use super::BinKind;
 use crate::shape::{CollisionShape, Convex};
+
+/// How a bin is built and what it looks like. All are rigid: a bag stands open, as one does in a packing frame.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum BinKind {
+    /// Straight walls of cardboard.
+    #[default]
+    Carton,
+    /// Walls of wooden slats with gaps between them.
+    Crate,
+    /// A plastic tub whose walls lean outwards.
+    Tote,
+    /// Straight walls of paper: for high, thin ones.
+    Bag,
+}
 
 /// What a fixture is made of, for its looks.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -35,4 +50,9 @@ pub(super) fn block(kind: FixtureKind, pose: Isometry3<f64>, half: [f64; 3], fri
         shape: CollisionShape { pose, geometry: Convex::Cuboid { half: Vector3::from(half) } },
         friction,
     }
+}
+
+/// Of table and bin, unless given: wood or cardboard against what is packed.
+pub(super) fn default_friction() -> f64 {
+    0.6
 }

@@ -2,27 +2,38 @@
 //!
 //! All positions are in the world frame: z up, origin on the floor, the robot's base usually at the origin looking
 //! along +x. Reading validates every number, so that a [`Scene`] which exists can be built.
+//!
+//! | file | what it holds |
+//! |---|---|
+//! | `mod` | the scene file and its checks; where the robot stands |
+//! | `camera` | the head camera, and the sphere on which other cameras stand |
+//! | `table`, `bin` | what the scene is built of |
+//! | `fixture` | their solids |
+//! | `objects` | what lies on the table |
+//! | `surroundings` | how it all looks |
 
 use std::path::{Path, PathBuf};
 
-use nalgebra::{Isometry3, Point3, UnitQuaternion, Vector3};
-use rand::seq::index;
-use rand::{Rng, RngExt};
 use serde::{Deserialize, Serialize};
 
-use crate::camera::Intrinsics;
 use crate::error::{Error, Result};
-use crate::pose::{Base, Camera, Object, Pose, World};
-use crate::range::Range;
-use crate::render::Surroundings;
-use crate::rng;
+use crate::files;
+use crate::pose::{Base, Pose, World};
+use crate::range::within;
 
 mod bin;
+mod camera;
 mod fixture;
+mod objects;
+mod surroundings;
+mod table;
 
-pub use bin::{Bin, BinKind};
-use fixture::block;
-pub use fixture::{Fixture, FixtureKind};
+pub use bin::Bin;
+pub use camera::{CameraSetup, IntrinsicsPreset, Sphere};
+pub use fixture::{BinKind, Fixture, FixtureKind};
+pub use objects::{Count, ObjectPlacement, PlacedObject};
+pub use surroundings::Surroundings;
+pub use table::Table;
 
 /// The version this program reads and writes.
 pub const SCHEMA: &str = "grip.scene/1";
@@ -72,184 +83,13 @@ pub struct RobotPlacement {
     pub look_at: [f64; 3],
 }
 
-/// The head camera.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct CameraSetup {
-    /// A preset: `fetch` or `grip-paper`.
-    pub intrinsics: IntrinsicsPreset,
-    /// Depth noise preset, such as `carmine-109` or `none`.
-    pub depth_noise: String,
-    /// Where a camera on a sphere stands, for training data.
-    #[serde(default)]
-    pub sphere: Sphere,
-}
-
-/// A camera that looks from anywhere around at the middle of the objects' region.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct Sphere {
-    /// From that point, metres.
-    pub distance: Range,
-    /// Above the horizon, radians.
-    pub elevation: Range,
-    /// About the vertical from the world's -x axis, radians: 0 stands where the robot stands.
-    pub azimuth: Range,
-    /// How far off that point it looks, along each axis, metres.
-    pub aim: Range,
-}
-
-impl Default for Sphere {
-    fn default() -> Self {
-        use std::f64::consts::PI;
-        Self {
-            distance: Range { min: 0.5, max: 1.1 },
-            elevation: Range { min: 0.45, max: 1.35 },
-            azimuth: Range { min: -PI, max: PI },
-            aim: Range { min: -0.06, max: 0.06 },
-        }
-    }
-}
-
-impl Sphere {
-    fn problem(&self) -> Option<String> {
-        let limits = [
-            ("distance", self.distance, 0.1, 10.0),
-            // From straight above the picture's up is not defined.
-            ("elevation", self.elevation, -1.5, 1.5),
-            ("azimuth", self.azimuth, -7.0, 7.0),
-            ("aim", self.aim, -5.0, 5.0),
-        ];
-        limits.into_iter().find_map(|(field, range, low, high)| {
-            let problem = range.problem().or_else(|| {
-                (range.min < low || range.max > high).then(|| {
-                    format!("{{ min = {}, max = {} }}: must be from {low} to {high}", range.min, range.max)
-                })
-            })?;
-            Some(format!("camera.sphere.{field} = {problem}"))
-        })
-    }
-
-    /// World from camera, looking at `center`, upright.
-    pub fn draw(&self, center: &Point3<f64>, random: &mut impl Rng) -> Pose<World, Camera> {
-        let [distance, elevation, azimuth] =
-            [self.distance, self.elevation, self.azimuth].map(|range| range.draw(random));
-        let target = center + Vector3::from([0, 1, 2].map(|_: usize| self.aim.draw(random)));
-        let away =
-            Vector3::new(-elevation.cos() * azimuth.cos(), -elevation.cos() * azimuth.sin(), elevation.sin());
-        // The optical frame: z towards the target, y down.
-        let rotation = UnitQuaternion::face_towards(&-away, &-Vector3::z());
-        Pose::new(Isometry3::from_parts((target + away * distance).coords.into(), rotation))
-    }
-}
-
-/// Named intrinsics.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum IntrinsicsPreset {
-    /// [`Intrinsics::FETCH`].
-    Fetch,
-    /// [`Intrinsics::GRIP_PAPER`].
-    GripPaper,
-}
-
-impl IntrinsicsPreset {
-    /// The numbers.
-    pub fn intrinsics(self) -> Intrinsics {
-        match self {
-            Self::Fetch => Intrinsics::FETCH,
-            Self::GripPaper => Intrinsics::GRIP_PAPER,
-        }
-    }
-}
-
-/// A rectangular table, sides along the world axes.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Table {
-    /// Centre of the top, metres.
-    pub center: [f64; 2],
-    /// Extents along x and y, metres.
-    pub size: [f64; 2],
-    /// Height of the top above the floor, metres.
-    pub height: f64,
-    /// Thickness of the top, metres.
-    #[serde(default = "default_thickness")]
-    pub thickness: f64,
-    /// Coulomb friction.
-    #[serde(default = "default_friction")]
-    pub friction: f64,
-}
-
-fn default_thickness() -> f64 {
-    0.04
-}
-
-fn default_friction() -> f64 {
-    0.6
-}
-
-/// What lies on the table and how it got there.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct ObjectPlacement {
-    /// Objects by YCB name; each at most once.
-    pub names: Vec<String>,
-    /// How many of them a run draws from its seed; all of them, in this order, unless given.
-    #[serde(default)]
-    pub count: Option<Count>,
-    /// Centre of the region on the table where objects are dropped, metres.
-    pub center: [f64; 2],
-    /// Extents of that region along x and y, metres.
-    pub size: [f64; 2],
-    /// Free space between the outlines of objects that are spread out, metres.
-    pub gap: f64,
-    /// Share of the objects that may lie that are dropped lying on a side, 0 to 1.
-    #[serde(default)]
-    pub lying_fraction: f64,
-    /// Objects at fixed places, by name; they are not dropped at random. They settle as well.
-    #[serde(default)]
-    pub placed: Vec<PlacedObject>,
-}
-
-/// A number of objects, drawn evenly from `min` to `max`.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Count {
-    /// At least so many.
-    pub min: usize,
-    /// At most so many.
-    pub max: usize,
-}
-
-impl ObjectPlacement {
-    /// The positions in `names` of the objects of a run with `seed`, in the order in which they are put down.
-    pub fn draw(&self, seed: u64) -> Vec<usize> {
-        let all = self.names.len();
-        let Some(Count { min, max }) = self.count else { return (0..all).collect() };
-        let mut random = rng::stream(seed, "objects");
-        let count = random.random_range(min..=max);
-        index::sample(&mut random, all, count).into_vec()
-    }
-}
-
-/// An object at a place of its own.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct PlacedObject {
-    /// YCB name; must be among the scene's names.
-    pub name: String,
-    /// World from object.
-    pub pose: Pose<World, Object>,
-}
-
 impl Scene {
     /// Reads and validates a scene file.
     ///
     /// # Errors
     /// [`Error::Io`] when it cannot be read; [`Error::Invalid`] naming field, value and what to try.
     pub fn load(path: &Path) -> Result<Self> {
-        let text = std::fs::read_to_string(path).map_err(|e| Error::io(path, e))?;
+        let text = files::read_to_string(path)?;
         let scene: Self =
             toml::from_str(&text).map_err(|e| Error::invalid(path, e.to_string().trim_end()))?;
         scene.validate().map_err(|message| Error::invalid(path, message))?;
@@ -375,50 +215,7 @@ impl Scene {
 
 /// Every one of `values` must be finite and within `low..=high`.
 fn each(field: &str, values: &[f64], low: f64, high: f64) -> std::result::Result<(), String> {
-    match values.iter().find(|v| !(v.is_finite() && (low..=high).contains(*v))) {
-        Some(value) => Err(format!("{field} = {value}: must be a finite number from {low} to {high}")),
-        None => Ok(()),
-    }
-}
-
-impl Table {
-    /// Lower corner of the top, metres.
-    pub fn low(&self) -> [f64; 2] {
-        [self.center[0] - self.size[0] / 2.0, self.center[1] - self.size[1] / 2.0]
-    }
-
-    /// Upper corner of the top, metres.
-    pub fn high(&self) -> [f64; 2] {
-        [self.center[0] + self.size[0] / 2.0, self.center[1] + self.size[1] / 2.0]
-    }
-
-    /// Whether (x, y) is over the table's top.
-    pub fn holds(&self, x: f64, y: f64) -> bool {
-        let ([x0, y0], [x1, y1]) = (self.low(), self.high());
-        (x0..=x1).contains(&x) && (y0..=y1).contains(&y)
-    }
-
-    fn solids(&self) -> Vec<Fixture> {
-        const LEG: f64 = 0.03;
-        let [x, y] = self.center;
-        let top = block(
-            FixtureKind::TableTop,
-            Isometry3::translation(x, y, self.height - self.thickness / 2.0),
-            [self.size[0] / 2.0, self.size[1] / 2.0, self.thickness / 2.0],
-            self.friction,
-        );
-        let leg_half = (self.height - self.thickness) / 2.0;
-        let mut solids = vec![top];
-        for (sx, sy) in [(-1.0, -1.0), (-1.0, 1.0), (1.0, -1.0), (1.0, 1.0)] {
-            let at = Isometry3::translation(
-                x + sx * (self.size[0] / 2.0 - 2.0 * LEG),
-                y + sy * (self.size[1] / 2.0 - 2.0 * LEG),
-                leg_half,
-            );
-            solids.push(block(FixtureKind::TableLeg, at, [LEG, LEG, leg_half], self.friction));
-        }
-        solids
-    }
+    values.iter().try_for_each(|&value| within(field, value, low, high))
 }
 
 #[cfg(test)]
@@ -479,6 +276,20 @@ gap = 0.03
     }
 
     #[test]
+    fn the_built_in_scenes_are_those_on_disk() {
+        let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../scenes");
+        let mut scenes = 0;
+        for path in files::list(&files::builtin_path("scenes")).unwrap() {
+            let name = path.file_name().unwrap();
+            if name != "objects.toml" {
+                assert_eq!(Scene::load(&path).unwrap(), Scene::load(&folder.join(name)).unwrap());
+                scenes += 1;
+            }
+        }
+        assert!(scenes >= 5);
+    }
+
+    #[test]
     fn bad_numbers_are_named_with_field_and_value() {
         let nan = message(|t| t.replace("height = 0.6\n", "height = nan\n"));
         assert!(nan.contains("scene.toml") && nan.contains("table.height = NaN"), "{nan}");
@@ -488,23 +299,6 @@ gap = 0.03
         assert!(unknown.contains("friktion"), "{unknown}");
         let over = message(|t| t.replace("center = [0.7, 0.0]", "center = [1.1, 0.0]"));
         assert!(over.contains("over the table's edge"), "{over}");
-    }
-
-    #[test]
-    fn a_camera_on_the_sphere_looks_at_the_objects() {
-        let center = Point3::new(0.6, 0.1, 0.7);
-        let sphere = Sphere { aim: Range::exactly(0.0), ..Sphere::default() };
-        for seed in 0..50 {
-            let camera = sphere.draw(&center, &mut rng::stream(seed, "camera"));
-            let seen = camera.inverse().transform_point(&center);
-            assert!(seen.x.abs() < 1e-9 && seen.y.abs() < 1e-9 && (0.5..=1.1).contains(&seen.z), "{seen}");
-            // Upright: what is higher in the world is higher in the picture, and the x axis is level.
-            assert!(camera.inverse().transform_vector(&Vector3::z()).y < 0.0);
-            assert!(camera.transform_vector(&Vector3::x()).z.abs() < 1e-9);
-            assert!(camera.translation().z > 0.7);
-        }
-        let at_robot = Sphere { azimuth: Range::exactly(0.0), ..sphere };
-        assert!(at_robot.draw(&center, &mut rng::stream(1, "camera")).translation().x < 0.6);
     }
 
     #[test]

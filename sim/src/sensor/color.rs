@@ -5,6 +5,7 @@
 
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
 
 use super::RowStreams;
 use super::normal::normal;
@@ -14,21 +15,22 @@ use crate::render::Lighting;
 use crate::render::srgb::encode_8bit;
 
 /// A colour sensor behind its lens.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
 pub struct ColorSensor {
-    /// Electrons a pixel gathers in one second from 1 cd/m^2. The default: f/2 lens of 90 % transmission (0.177 lux on
+    /// Electrons a pixel gathers in one second from 1 cd/m^2, 1 to 1e6. The default, 2560: f/2 lens of 90 % transmission (0.177 lux on
     /// the chip), 2.8 um pixels, 45 % quantum efficiency, 4.1e15 photons in a lumen second.
     pub electrons_per_nit_second: f64,
-    /// Electrons at which a pixel is full. Default 6000, usual for pixels of this size.
+    /// Electrons at which a pixel is full, 100 to 1e6. Default 6000, usual for pixels of this size.
     pub full_well: f64,
-    /// Read-out noise, electrons (standard deviation). Default 4.
+    /// Read-out noise, electrons (standard deviation), 0 to 1000. Default 4.
     pub read_noise: f64,
-    /// Steps of the analogue-digital converter, after gain. Default 1023 (10 bits).
+    /// Steps of the analogue-digital converter, after gain, 255 to 65535. Default 1023 (10 bits).
     pub levels: f64,
-    /// Mean signal that auto exposure aims at, as a share of full scale. Default 0.18, photography's middle grey.
+    /// Mean signal that auto exposure aims at, as a share of full scale, 0.01 to 0.9. Default 0.18, photography's middle grey.
     pub target: f64,
     /// Share of a pixel's light that lens and demosaicing spread to each of its two neighbours along rows, and along
-    /// columns. Default 0.1, a point spread of 0.45 px (standard deviation).
+    /// columns, 0 to 0.33. Default 0.1, a point spread of 0.45 px (standard deviation).
     pub spread: f64,
     /// Share of the light's colour that white balance removes: 1 makes white paper white, 0 leaves it. Default 0.85.
     pub white_balance: f64,

@@ -43,19 +43,18 @@ impl DepthNoise {
     pub const NAMES: [&str; 6] = ["none", "nguyen", "handa", "redwood", "carmine-109", "carmine-109-near"];
 
     /// The preset called `name`: `none`, `nguyen`, `handa`, `redwood`, `carmine-109` (0.35 to 4.5 m) or
-    /// `carmine-109-near` (0.35 to 1.4 m).
+    /// `carmine-109-near` (0.35 to 1.4 m), the last two with the settings `carmine` but for its range.
     ///
     /// # Errors
     /// For any other name, listing these.
-    pub fn from_name(name: &str) -> Result<Self> {
-        let carmine = |range| Self::Carmine109(Carmine109 { range, ..Carmine109::default() });
+    pub fn from_name(name: &str, carmine: &Carmine109) -> Result<Self> {
         Ok(match name {
             "none" => Self::None,
             "nguyen" => Self::Nguyen,
             "handa" => Self::Handa,
             "redwood" => Self::Redwood,
-            "carmine-109" => carmine(DepthRange::Wide),
-            "carmine-109-near" => carmine(DepthRange::Near),
+            "carmine-109" => Self::Carmine109(Carmine109 { range: DepthRange::Wide, ..*carmine }),
+            "carmine-109-near" => Self::Carmine109(Carmine109 { range: DepthRange::Near, ..*carmine }),
             _ => {
                 return Err(Error::invalid(
                     "depth noise",

@@ -84,7 +84,7 @@ mod tests {
     use crate::experiment::summary::tests::trial;
     use crate::experiment::sweep::GraspLine;
     use crate::experiment::sweep::errors::isotropic;
-    use crate::experiment::sweep::test::GraspOutcome;
+    use crate::experiment::sweep::layout::GraspOutcome;
     use serde_json::json;
 
     /// Random errors of which grasps forgive 10 mm.

@@ -11,9 +11,9 @@ use crate::experiment::summary::Cell;
 use crate::experiment::sweep::GraspLine;
 use crate::experiment::sweep::errors::Axis;
 use crate::experiment::sweep::fits::ObjectResult;
-use crate::outcome::FirstAttempt;
 use crate::plot::bars::{self, Bar, Bars};
 use crate::plot::{self, Axis as PlotAxis, Curve, Figure, MOST_CURVES, Panel};
+use crate::score::outcome::FirstAttempt;
 
 /// Largest errors shown of trials, millimetres, and width of the kernel there.
 const MOST_MM: f64 = 40.0;

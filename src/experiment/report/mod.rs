@@ -15,7 +15,7 @@ use super::plan::{self, Key, LEFT_OUT, TIMINGS, TRIALS};
 use super::sweep::{self, GraspLine};
 use super::trials::{LeftOut, TimingLine};
 use super::{journal, summary};
-use crate::outcome::{Timing, TrialResult};
+use crate::score::outcome::{Timing, TrialResult};
 
 /// Everything a page is made of.
 #[derive(Default)]

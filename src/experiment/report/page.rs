@@ -12,7 +12,7 @@ use crate::experiment::plan::Key;
 use crate::experiment::summary::{Cell, cells, pairs};
 use crate::experiment::sweep::errors::Axis;
 use crate::experiment::sweep::fits::{Fall, results};
-use crate::experiment::sweep::test::GraspOutcome;
+use crate::experiment::sweep::layout::GraspOutcome;
 use crate::html::{STYLE, escape, picture, table};
 use crate::plot::MOST_CURVES;
 

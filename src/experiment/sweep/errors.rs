@@ -1,6 +1,7 @@
 //! The errors of a sweep.
 
 use std::f64::consts::TAU;
+use std::str::FromStr;
 
 use grip_sim::rng;
 use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
@@ -9,7 +10,7 @@ use rand_distr::{Distribution, UnitSphere};
 use serde::{Deserialize, Serialize};
 
 /// A direction in the gripper's frame.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, clap::ValueEnum)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Axis {
     /// Along the fingers: the approach.
@@ -53,6 +54,15 @@ impl Axis {
             Self::Y | Self::Pitch => Vector3::y(),
             Self::Z | Self::Yaw => Vector3::z(),
         }
+    }
+}
+
+impl FromStr for Axis {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let axis = Self::ALL.into_iter().find(|axis| axis.name() == text);
+        axis.ok_or_else(|| format!("{text}: give x, y, z, roll, pitch or yaw"))
     }
 }
 

@@ -8,7 +8,7 @@ use serde::Serialize;
 
 use super::GraspLine;
 use super::errors::Axis;
-use super::test::GraspOutcome;
+use super::layout::GraspOutcome;
 use crate::experiment::stats::{Logistic, wilson};
 
 /// Draws of the bootstrap of a D50.

@@ -7,42 +7,103 @@
 
 pub mod errors;
 pub mod fits;
-pub mod test;
+pub mod layout;
 
 use std::collections::BTreeSet;
 use std::path::Path;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
-use anyhow::{Result, anyhow, ensure};
-use grip_manip::{Grasp, Planner};
-use indicatif::ProgressBar;
+use anyhow::{Context, Result, anyhow, bail, ensure};
+use grip_manip::{Grasp, GraspAt, Planner};
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 
-use self::errors::{ErrorCase, PoseError};
-use self::test::{GraspOutcome, Layout};
+use self::errors::{Axis, ErrorCase, PoseError, along_axes, isotropic};
+use self::layout::{GraspOutcome, Layout};
 use super::journal::{self, Journal};
 use super::plan;
+use crate::progress::Progress;
 use crate::scenario;
-use crate::setup::Setup;
+use crate::setup::{Setup, SetupOptions};
 use crate::workers;
 
 /// Version of sweep.json.
-const SCHEMA: &str = "grip.sweep/1";
+const SCHEMA: &str = "grip.sweep/2";
 /// What a sweep is, in its folder.
 pub const MANIFEST: &str = "sweep.json";
 /// Its results, a grasp a line.
 pub const GRASPS: &str = "grasps.jsonl";
 
 /// Which grasp is tried.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Strategy {
     /// The one that the planner chooses for each layout.
     Planned,
     /// One for each object: what the planner chooses for its first layout.
     Fixed,
+}
+
+/// Which errors are tried at each layout.
+#[derive(Debug, Clone, PartialEq)]
+pub enum ErrorPattern {
+    /// Along one axis after the other, evenly from end to end.
+    Axis(Vec<Axis>),
+    /// At random in all six directions.
+    Isotropic,
+}
+
+/// The published protocol's six, in the order of its table.
+pub const OBJECTS: [&str; 6] = [
+    "005_tomato_soup_can",
+    "010_potted_meat_can",
+    "003_cracker_box",
+    "006_mustard_bottle",
+    "011_banana",
+    "040_large_marker",
+];
+
+/// What a sweep is to be. The default is the published protocol's objects, errors along all six axes.
+#[derive(Debug, Clone)]
+pub struct SweepOptions {
+    /// Objects by name, each once.
+    pub objects: Vec<String>,
+    /// Which errors.
+    pub pattern: ErrorPattern,
+    /// Largest translation, metres, above 0 and at most 0.2.
+    pub metres: f64,
+    /// Largest rotation, radians, above 0 and at most pi.
+    pub radians: f64,
+    /// Errors along each axis (default 9), or random errors a layout (default 20).
+    pub samples: Option<u32>,
+    /// Layouts of each object, one a seed from the setup's on.
+    pub seeds: u32,
+    /// Which grasp is tried.
+    pub strategy: Strategy,
+    /// Coulomb friction of all objects in place of their own, above 0 and at most 2.
+    pub friction: Option<f64>,
+    /// Force of each finger, newtons, in place of what the planner takes.
+    pub force_n: Option<f64>,
+    /// Scene, objects, robot, settings and the first seed.
+    pub setup: SetupOptions,
+}
+
+impl Default for SweepOptions {
+    fn default() -> Self {
+        Self {
+            objects: OBJECTS.map(String::from).to_vec(),
+            pattern: ErrorPattern::Axis(Axis::ALL.to_vec()),
+            metres: 0.040,
+            radians: 45_f64.to_radians(),
+            samples: None,
+            seeds: 50,
+            strategy: Strategy::Planned,
+            friction: None,
+            force_n: None,
+            setup: SetupOptions::default(),
+        }
+    }
 }
 
 /// A grasp that was tried.
@@ -109,11 +170,69 @@ pub struct Sweep {
 }
 
 impl Sweep {
+    /// Reads all files that `options` name.
+    ///
+    /// # Errors
+    /// When a file is wrong, an object is unknown, or a number out of its range.
+    pub fn open(options: &SweepOptions) -> Result<Self> {
+        let (metres, radians) = (options.metres, options.radians);
+        for (value, most, what) in
+            [(1e3 * metres, 200.0, "millimetres"), (radians.to_degrees(), 180.0, "degrees")]
+        {
+            ensure!(
+                value > 0.0 && value <= most,
+                "--range: {value} {what}: must be above 0 and at most {most}"
+            );
+        }
+        let setup = Setup::open(&options.setup)?;
+        let strongest = setup.cell.config.gripper.max_force;
+        for (value, most, option) in
+            [(options.friction, 2.0, "--friction"), (options.force_n, strongest, "--force")]
+        {
+            if let Some(value) = value {
+                ensure!(value > 0.0 && value <= most, "{option} {value}: must be above 0 and at most {most}");
+            }
+        }
+        let cases = match &options.pattern {
+            ErrorPattern::Axis(axes) => {
+                if let Some((_, twice)) = axes.iter().enumerate().find(|(i, axis)| axes[..*i].contains(axis))
+                {
+                    bail!("--axes: {} is given twice; once is enough", twice.name());
+                }
+                along_axes(axes, metres, radians, options.samples.unwrap_or(9))
+            }
+            ErrorPattern::Isotropic => isotropic(metres, radians, options.samples.unwrap_or(20)),
+        };
+        let objects = options.objects.clone();
+        for (i, object) in objects.iter().enumerate() {
+            ensure!(!objects[..i].contains(object), "{object} is given twice; once is enough");
+            setup.library.load(object).context("objects to try")?;
+        }
+        let first = options.setup.seed;
+        ensure!(
+            first.checked_add(u64::from(options.seeds)).is_some(),
+            "--seed {first}: too large; give a lower one"
+        );
+        let mut planner_settings = setup.settings.planner.clone();
+        planner_settings.grasp.at = GraspAt::Best;
+        let planner = Planner::new(setup.cell.robot.clone(), setup.cell.config.clone(), planner_settings);
+        Ok(Self {
+            planner,
+            setup,
+            objects,
+            seeds: (first, options.seeds),
+            cases,
+            strategy: options.strategy,
+            friction: options.friction,
+            force_n: options.force_n,
+        })
+    }
+
     /// sweep.json.
     fn manifest(&self) -> Result<Value> {
         Ok(json!({
             "schema": SCHEMA,
-            "program": env!("CARGO_PKG_VERSION"),
+            "program": scenario::program(),
             plan::BUILD: plan::build(),
             "objects": self.objects.iter().map(|name| self.object(name)).collect::<Result<Vec<Value>>>()?,
             "object_set": self.setup.library.set().label(),
@@ -124,7 +243,8 @@ impl Sweep {
             "force_n": self.force_n,
             "cases": self.cases,
             "robot": scenario::robot(&self.setup),
-            "scene": self.setup.scene,
+            "scene": self.setup.cell.scene,
+            "settings": *self.setup.settings,
         }))
     }
 
@@ -150,7 +270,7 @@ impl Sweep {
     ///
     /// # Errors
     /// When none of an object's seeds has such a layout, or a result cannot be written; what is written by then stays.
-    pub fn run(&self, out: &Path, jobs: usize, progress: &ProgressBar) -> Result<(Vec<GraspLine>, usize)> {
+    pub fn run(&self, out: &Path, jobs: usize, progress: &dyn Progress) -> Result<(Vec<GraspLine>, usize)> {
         let (journal, done) = Journal::open::<GraspLine>(&out.join(GRASPS))?;
         let kept = done.len();
         let known: BTreeSet<_> = done.iter().map(GraspLine::key).collect();
@@ -163,9 +283,7 @@ impl Sweep {
             .map(|(object, seed)| (object, seed, missing(object, seed)))
             .filter(|(_, _, cases)| !cases.is_empty())
             .collect();
-        progress.set_length(self.grasps() as u64);
-        progress.set_position(kept as u64);
-        progress.reset_eta();
+        progress.begin(self.grasps() as u64, kept as u64);
 
         let mut fixed: Vec<(&String, Grasp)> = Vec::new();
         if self.strategy == Strategy::Fixed {
@@ -182,8 +300,8 @@ impl Sweep {
                 let layout = match Layout::find(self, object, *seed, only)? {
                     Ok(layout) => layout,
                     Err(why) => {
-                        progress.suspend(|| log::warn!("seed {seed}: left out: {why}"));
-                        progress.inc(cases.len() as u64);
+                        progress.warn(&format!("seed {seed}: left out: {why}"));
+                        progress.advance(cases.len() as u64);
                         continue;
                     }
                 };
@@ -196,7 +314,7 @@ impl Sweep {
                     let (journal, done) = &mut *shared;
                     journal.append(&line)?;
                     done.push(line);
-                    progress.inc(1);
+                    progress.advance(1);
                 }
             }
             Ok(())

@@ -8,10 +8,10 @@
 
 use nalgebra::Isometry3;
 
-use super::Against;
-use super::looks::Looks;
 use super::picture::{Picture, PictureLevel};
-use crate::hypotheses::{Level, Observation};
+use crate::grip::settings::ColourSettings;
+use crate::model::{Print, PrintedPoint};
+use crate::observation::{Level, Observation};
 
 /// Points that face away more than this (cosine) are too slanted to be read.
 const SLANTED: f32 = 0.3;
@@ -62,6 +62,24 @@ pub(super) struct Evidence {
     patches: Vec<(u32, f32)>,
 }
 
+/// Evidence for one pose against another.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub(super) struct Against {
+    /// Log-likelihood ratio, nats.
+    pub total: f32,
+    /// The same a point.
+    pub gain: f32,
+    /// See [`crate::ColourVerdict::consistency`].
+    pub consistency: f32,
+}
+
+impl Against {
+    /// Whether it is enough to decide.
+    pub fn decides(&self, settings: &ColourSettings) -> bool {
+        self.gain >= settings.min_gain && self.consistency >= settings.min_consistency
+    }
+}
+
 /// A point where it is seen.
 struct Seen {
     patch: u32,
@@ -72,7 +90,7 @@ struct Seen {
 impl<'a> View<'a> {
     /// For an object about at `pose`; `None` where that is behind the camera.
     pub fn new(
-        looks: &Looks,
+        print: &Print,
         pose: &Isometry3<f32>,
         observation: &'a Observation,
         picture: &'a Picture,
@@ -81,19 +99,19 @@ impl<'a> View<'a> {
         if distance.is_nan() || distance <= 0.0 {
             return None;
         }
-        let pixels = looks.spacing * observation.intrinsics.fx as f32 / distance;
+        let pixels = print.spacing * observation.intrinsics.fx as f32 / distance;
         let picture = picture.level(pixels);
         let depth = observation.level(picture.stride);
-        let patch = PATCH * (pixels / picture.stride as f32).max(1.0);
+        let patch = PATCH * (pixels / picture.stride.pixels() as f32).max(1.0);
         let count = |size: usize| (size as f32 / patch) as usize + 1;
         Some(Self { picture, depth, patch, columns: count(depth.width), rows: count(depth.height) })
     }
 
     /// Which of one point in `every` are seen at a pose: that face the camera, and are where the reading is.
-    fn seen(&self, looks: &Looks, pose: &Isometry3<f32>, every: usize) -> Vec<Seen> {
+    fn seen(&self, print: &Print, pose: &Isometry3<f32>, every: usize) -> Vec<Seen> {
         let r = pose.rotation.to_rotation_matrix();
         let level = self.depth;
-        let visible = |point: &super::looks::Point| {
+        let visible = |point: &PrintedPoint| {
             let p = r * point.position + pose.translation.vector;
             let facing = -(r * point.normal).dot(&p);
             if p.z <= 0.0 || facing < SLANTED * p.norm() {
@@ -107,18 +125,18 @@ impl<'a> View<'a> {
             let patch = (v / self.patch) as usize * self.columns + (u / self.patch) as usize;
             read.then_some(Seen { patch: patch as u32, colour: point.colour, observed })
         };
-        looks.points.iter().step_by(every).filter_map(visible).collect()
+        print.points.iter().step_by(every).filter_map(visible).collect()
     }
 
     /// How one point in `every` at `pose` agrees with the picture; `None` where too few are seen, or no light.
-    pub fn evidence(&self, looks: &Looks, pose: &Isometry3<f32>, every: usize) -> Option<Evidence> {
-        self.weighed(self.seen(looks, pose, every))
+    pub fn evidence(&self, print: &Print, pose: &Isometry3<f32>, every: usize) -> Option<Evidence> {
+        self.weighed(self.seen(print, pose, every))
     }
 
     /// The same of all points with their print faded to a share of its contrast: each colour that much of itself, and the
     /// rest of the mean.
-    pub fn faded(&self, looks: &Looks, pose: &Isometry3<f32>, contrast: f32) -> Option<Evidence> {
-        let mut seen = self.seen(looks, pose, 1);
+    pub fn faded(&self, print: &Print, pose: &Isometry3<f32>, contrast: f32) -> Option<Evidence> {
+        let mut seen = self.seen(print, pose, 1);
         let count = seen.len() as f32;
         let mean = [0, 1, 2].map(|c| seen.iter().map(|s| s.colour[c]).sum::<f32>() / count);
         for s in &mut seen {

@@ -2,10 +2,11 @@
 
 use grip_sim::frame::CameraFrame;
 
-use super::looks::linear;
+use crate::model::linear;
+use crate::observation::Stride;
 
 /// The strides that are prepared.
-pub(super) const STRIDES: [usize; 3] = [1, 2, 4];
+const STRIDES: [Stride; 3] = [Stride::One, Stride::Two, Stride::Four];
 /// Bins of brightness in which noise is measured, from [`DARKEST`] to 1.
 const BINS: usize = 25;
 /// Linear light of 8-bit code 1: below is black.
@@ -25,7 +26,7 @@ pub(crate) struct Picture {
 #[derive(Debug)]
 pub(super) struct PictureLevel {
     /// Blocks of this side make a pixel.
-    pub stride: usize,
+    pub stride: Stride,
     width: usize,
     height: usize,
     /// Linear RGB, row by row.
@@ -44,7 +45,7 @@ impl Picture {
         let table: Vec<f32> = (0..=255u8).map(|code| linear(f32::from(code) / 255.0)).collect();
         let pixels = frame.rgb.as_raw().as_chunks::<3>().0;
         let rgb = pixels.iter().map(|p| p.map(|code| table[usize::from(code)])).collect();
-        let mut levels = vec![PictureLevel::new(1, width, height, rgb)];
+        let mut levels = vec![PictureLevel::new(Stride::One, width, height, rgb)];
         for stride in &STRIDES[1..] {
             let halved = levels[levels.len() - 1].halved(*stride);
             levels.push(halved);
@@ -54,18 +55,18 @@ impl Picture {
 
     /// The coarsest level whose pixels are not much larger than `pixels` of full resolution.
     pub(super) fn level(&self, pixels: f32) -> &PictureLevel {
-        let i = STRIDES.iter().rposition(|&s| pixels >= 0.75 * s as f32).unwrap_or(0);
+        let i = STRIDES.iter().rposition(|&s| pixels >= 0.75 * s.pixels() as f32).unwrap_or(0);
         &self.levels[i]
     }
 }
 
 impl PictureLevel {
-    fn new(stride: usize, width: usize, height: usize, rgb: Vec<[f32; 3]>) -> Self {
+    fn new(stride: Stride, width: usize, height: usize, rgb: Vec<[f32; 3]>) -> Self {
         let noise = noise(&rgb, width, height);
         Self { stride, width, height, rgb, noise }
     }
 
-    fn halved(&self, stride: usize) -> Self {
+    fn halved(&self, stride: Stride) -> Self {
         let (width, height) = (self.width / 2, self.height / 2);
         let mut rgb = Vec::with_capacity(width * height);
         for v in 0..height {

@@ -5,17 +5,19 @@ use std::sync::Arc;
 
 use grip_sim::frame::CameraFrame;
 use grip_sim::mesh::{Material, Mesh, Visual};
-use grip_sim::objects::{Fragility, ObjectInfo, ObjectModel};
+use grip_sim::objects::ObjectModel;
 use grip_sim::rng;
+use grip_testkit::objects::info;
 use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
 use rand::RngExt;
 use rand_distr::{Distribution, StandardNormal};
 
 use super::*;
-use crate::grip::search::Hypothesis;
 use crate::grip::{GripEstimator, GripSettings};
 use crate::hypotheses::Cpu;
 use crate::hypotheses::tests::shown;
+use crate::particles::ScoredPose;
+use crate::support::SupportSettings;
 use crate::{Detection, Detections, PoseEstimator, PosePosterior};
 
 /// Linear RGB of a place on the surface, object frame.
@@ -53,19 +55,8 @@ fn object(sheets: &[&dyn Fn(f32, f32) -> Vector3<f32>], paint: Paint) -> Arc<Obj
         }
     }
     mesh.normals = vec![Vector3::z(); mesh.positions.len()];
-    let info = ObjectInfo {
-        name: "thing".into(),
-        bop_id: 1,
-        mass_kg: 0.1,
-        friction: 0.5,
-        symmetric: false,
-        fragility: Fragility::Sturdy,
-        upright: false,
-        revolution: None,
-        half_turns: vec![],
-    };
     let material = Material { base_color: [1.0; 3], ..Material::default() };
-    Arc::new(ObjectModel::new(info, Visual { mesh: Arc::new(mesh), material }, vec![]))
+    Arc::new(ObjectModel::new(info("thing"), Visual { mesh: Arc::new(mesh), material }, vec![]))
 }
 
 /// A box whose sides along x shrink by `taper` towards +y.
@@ -167,7 +158,9 @@ fn frame(model: &Model, paint: Paint, pose: &Isometry3<f32>, light: Light) -> Ca
 }
 
 fn grip_settings() -> GripSettings {
-    GripSettings { plane: None, ..GripSettings::default() }
+    let mut settings = GripSettings::default();
+    settings.observation.support = SupportSettings::off();
+    settings
 }
 
 /// What colour makes of `start` in the frame.
@@ -178,18 +171,18 @@ fn decided(
     settings: &ColourSettings,
 ) -> (Isometry3<f32>, Option<ColourVerdict>) {
     let grip = grip_settings();
-    let observation = Observation::new(frame, &grip);
+    let observation = Observation::new(frame, &grip.observation, None);
     let mut renderer = Cpu::default();
     let mut search = Search::new(model, &observation, &[], &grip, &mut renderer);
     let best = search.polished(vec![*start]).unwrap()[0];
-    let mut found = Found {
+    let mut found = SearchResult {
         best,
-        population: Vec::<Hypothesis>::new(),
+        population: Vec::<ScoredPose>::new(),
         others: Vec::new(),
         restarts: 1,
         agreeing: 1,
         hypotheses: 1,
-        believed: 1.0,
+        box_confidence: 1.0,
         trace: Vec::new(),
     };
     let picture = Picture::new(frame).unwrap();
@@ -242,7 +235,7 @@ fn a_box_turned_by_half_a_turn_is_put_right_in_any_light() {
 #[test]
 fn a_can_is_turned_to_where_its_label_is() {
     let model = can_model(striped);
-    assert_eq!(model.turns().revolution, Some(Vector3::z_axis()));
+    assert_eq!(model.symmetry().revolution, Some(Vector3::z_axis()));
     for i in 0..8 {
         let truth = standing(0.8 * i as f32);
         let frame = frame(&model, striped, &truth, Light { seed: i, ..DAY });
@@ -328,7 +321,7 @@ fn the_estimator_ends_with_colour_unless_it_is_switched_off() {
     for seed in 0..4 {
         let truth = standing(1.0 + seed as f32);
         let frame = frame(&prepared, two_coloured, &truth, DAY);
-        let estimate = |colour: Option<ColourSettings>, threads: usize| {
+        let estimate = |colour: ColourSettings, threads: usize| {
             let estimator = GripEstimator::new(GripSettings { colour, ..grip_settings() }).unwrap();
             let objects = [model.clone()];
             let mut boxes = Detections::new();
@@ -338,14 +331,14 @@ fn the_estimator_ends_with_colour_unless_it_is_switched_off() {
             let found = pool.install(|| estimator.estimate(&frame, &boxes, &objects, seed)).unwrap();
             PosePosterior { seconds: 0.0, ..found[0].clone() }
         };
-        let with = estimate(Some(ColourSettings::default()), 1);
-        assert_eq!(with, estimate(Some(ColourSettings::default()), 2));
+        let with = estimate(ColourSettings::default(), 1);
+        assert_eq!(with, estimate(ColourSettings::default(), 2));
         assert!(off_truth(&with, &truth) < 2.0, "{seed}: {:?}", with.colour);
         let weights: f64 = with.particles.iter().map(|p| p.1).sum();
         assert!((weights - 1.0).abs() < 1e-9);
         let back: PosePosterior = serde_json::from_str(&serde_json::to_string(&with).unwrap()).unwrap();
         assert_eq!(back.colour, with.colour);
-        let without = estimate(None, 2);
+        let without = estimate(ColourSettings::off(), 2);
         assert!(without.colour.is_none());
         turned += usize::from(off_truth(&without, &truth) > 90.0);
     }
@@ -355,7 +348,7 @@ fn the_estimator_ends_with_colour_unless_it_is_switched_off() {
 #[test]
 fn settings_that_make_no_sense_are_refused() {
     let refused = |settings: ColourSettings| {
-        let grip = GripSettings { colour: Some(settings), ..GripSettings::default() };
+        let grip = GripSettings { colour: settings, ..GripSettings::default() };
         crate::GripEstimator::new(grip).unwrap_err().to_string()
     };
     let good = ColourSettings::default;

@@ -19,8 +19,12 @@ use wgpu::{
 };
 
 use self::kept::Kept;
-use super::{Batch, Extent, Hypotheses, Level, Lod, Rendered, Terms};
+use super::batch::{Batch, Hypotheses, Rendered};
+use super::compare::Terms;
+use super::lod::Lod;
+use super::raster::Extent;
 use crate::error::{Error, Result};
+use crate::observation::Level;
 
 const SHADER: &str = concat!(include_str!("hypotheses.wgsl"), include_str!("step.wgsl"));
 

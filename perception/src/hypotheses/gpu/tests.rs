@@ -3,12 +3,14 @@
 use std::sync::LazyLock;
 
 use super::*;
-use nalgebra::Point3;
+use grip_testkit::meshes;
 
-use crate::grip::Model;
-use crate::hypotheses::tests::{observe, placed, skew_box, sphere};
-use crate::hypotheses::{Cpu, HypothesisRenderer, HypothesisRendererChoice, Observation, STRIDES};
-use crate::plane::Plane;
+use crate::hypotheses::tests::{observe, placed};
+use crate::hypotheses::{Cpu, HypothesisRenderer, HypothesisRendererChoice};
+use crate::model::Model;
+use crate::model::fixtures::{model, skew_box, sphere};
+use crate::observation::{Observation, Stride};
+use crate::support::Plane;
 
 static SHARED: LazyLock<Result<Arc<GpuRenderer>>> = LazyLock::new(|| GpuRenderer::open().map(Arc::new));
 
@@ -27,27 +29,11 @@ fn gpu_or_skip(test: &str) -> Option<Gpu> {
     }
 }
 
-/// A cup without a lid, so that it is seen from inside too, and its surface has two sides.
 fn cup() -> Model {
-    let n = 24u32;
-    let mut positions = vec![Point3::new(0.0, 0.0, -0.05), Point3::new(0.0, 0.0, -0.045)];
-    let mut triangles = Vec::new();
-    for i in 0..n {
-        let (s, c) = (std::f32::consts::TAU * i as f32 / n as f32).sin_cos();
-        for (radius, z) in [(0.04, -0.05), (0.04, 0.05), (0.035, 0.05), (0.035, -0.045)] {
-            positions.push(Point3::new(radius * c, radius * s, z));
-        }
-        let (a, b) = (2 + 4 * i, 2 + 4 * ((i + 1) % n));
-        for side in 0..3 {
-            let (a, b) = (a + side, b + side);
-            triangles.extend([[a, b, b + 1], [a, b + 1, a + 1]]);
-        }
-        triangles.extend([[0, b, a], [1, a + 3, b + 3]]);
-    }
-    crate::hypotheses::tests::model(positions, triangles)
+    model(meshes::cup())
 }
 
-fn batch<'a>(model: &'a Model, observation: &'a Observation, stride: usize) -> Batch<'a> {
+fn batch<'a>(model: &'a Model, observation: &'a Observation, stride: Stride) -> Batch<'a> {
     Batch {
         lod: model.lod(500),
         radius: model.radius,
@@ -157,7 +143,7 @@ fn terms_and_extents_are_those_of_the_cpu() {
         let mut observation = observe(&model, &truth);
         observation.plane = Some(Plane { normal: -Vector3::y_axis(), offset: 0.1 });
         let mut seen = 0;
-        for stride in STRIDES {
+        for stride in Stride::ALL {
             let batch = batch(&model, &observation, stride);
             let (mut a, mut b) = (poses(&truth), poses(&truth));
             let on_gpu = gpu.advance(&batch, &mut a).unwrap();
@@ -181,10 +167,10 @@ fn holes_and_occluders_are_those_of_the_cpu() {
     let model = skew_box([0.06, 0.09, 0.14]);
     let truth = placed(0.02, 0.03, 0.9, Vector3::new(0.5, 0.4, 0.3));
     let whole = observe(&model, &truth);
-    let marks: Vec<bool> = (0..whole.level(2).w.len()).map(|i| i % 7 < 2).collect();
+    let marks: Vec<bool> = (0..whole.level(Stride::Two).w.len()).map(|i| i % 7 < 2).collect();
     // The same session first sees the one, then the other: what was uploaded must not be mixed up.
     for observation in [&whole, &whole.without(&marks)] {
-        for stride in STRIDES {
+        for stride in Stride::ALL {
             let batch = batch(&model, observation, stride);
             let on_gpu = gpu.advance(&batch, &mut poses(&truth)).unwrap();
             let mut cpu = Cpu::default();
@@ -203,7 +189,7 @@ fn workgroups_of_any_size_agree() {
     let model = cup();
     let truth = placed(0.02, 0.03, 0.5, Vector3::new(0.5, 0.4, 0.3));
     let observation = observe(&model, &truth);
-    let batch = Batch { steps: 3, ..batch(&model, &observation, 1) };
+    let batch = Batch { steps: 3, ..batch(&model, &observation, Stride::One) };
     let mut expected = poses(&truth)[..8].to_vec();
     let terms = gpu.advance(&batch, &mut expected).unwrap().to_vec();
     for (threads, steps) in [(64, 16), (128, 2), (256, 1)] {
@@ -239,7 +225,9 @@ fn steps_end_where_those_of_the_cpu_do() {
                 )
             })
             .collect();
-        for (stride, steps, converged_m) in [(1, 1, 0.0), (1, 8, 1e-4), (2, 3, 0.0), (4, 2, 0.0)] {
+        for (stride, steps, converged_m) in
+            [(Stride::One, 1, 0.0), (Stride::One, 8, 1e-4), (Stride::Two, 3, 0.0), (Stride::Four, 2, 0.0)]
+        {
             let batch = Batch { steps, converged_m, ..batch(&model, &observation, stride) };
             let (mut a, mut b) = (start.clone(), start.clone());
             gpu.advance(&batch, &mut a).unwrap();
@@ -264,7 +252,7 @@ fn poses_that_cannot_be_rendered_are_not_moved() {
     let model = sphere(0.05);
     let truth = placed(0.02, 0.03, 0.9, Vector3::zeros());
     let observation = observe(&model, &truth);
-    let batch = Batch { steps: 4, ..batch(&model, &observation, 2) };
+    let batch = Batch { steps: 4, ..batch(&model, &observation, Stride::Two) };
     let mut before = poses(&truth);
     before.push(placed(0.0, 0.0, f32::INFINITY, Vector3::zeros()));
     let mut after = before.clone();
@@ -288,7 +276,7 @@ fn a_large_hypothesis_is_whole_or_an_error() {
     let truth = placed(0.0, 0.0, 0.5, Vector3::zeros());
     let observation = observe(&model, &truth);
     let start = placed(0.002, 0.0, 0.503, Vector3::zeros());
-    let batch = Batch { steps: 6, lod: model.lod(1000), ..batch(&model, &observation, 1) };
+    let batch = Batch { steps: 6, lod: model.lod(1000), ..batch(&model, &observation, Stride::One) };
     let (mut a, mut b) = ([start], [start]);
     let mut cpu = Cpu::default();
     let expected = cpu.advance(&batch, &mut b).unwrap()[0];
@@ -324,7 +312,7 @@ fn the_same_bits_twice_and_in_parallel() {
     let (model, other) = (cup(), skew_box([0.06, 0.09, 0.14]));
     let truth = placed(0.02, 0.03, 0.9, Vector3::new(0.5, 0.4, 0.3));
     let observation = observe(&model, &truth);
-    let run = |gpu: &mut Gpu, stride: usize, model: &Model| {
+    let run = |gpu: &mut Gpu, stride: Stride, model: &Model| {
         let batch = Batch { steps: 3, ..batch(model, &observation, stride) };
         let mut moved = poses(&truth);
         let rendered = gpu.advance(&batch, &mut moved).unwrap();
@@ -332,20 +320,20 @@ fn the_same_bits_twice_and_in_parallel() {
     };
     let renderer = gpu.renderer;
     let mut first = Gpu::new(renderer.clone());
-    let (one, four) = (run(&mut first, 1, &model), run(&mut first, 4, &other));
-    assert_eq!(one, run(&mut first, 1, &model));
+    let (one, four) = (run(&mut first, Stride::One, &model), run(&mut first, Stride::Four, &other));
+    assert_eq!(one, run(&mut first, Stride::One, &model));
     std::thread::scope(|scope| {
         for _ in 0..3 {
             scope.spawn(|| {
                 let mut gpu = Gpu::new(renderer.clone());
                 for _ in 0..4 {
-                    assert_eq!(one, run(&mut gpu, 1, &model));
-                    assert_eq!(four, run(&mut gpu, 4, &other));
+                    assert_eq!(one, run(&mut gpu, Stride::One, &model));
+                    assert_eq!(four, run(&mut gpu, Stride::Four, &other));
                 }
             });
         }
     });
-    let batch = Batch { steps: 3, ..batch(&model, &observation, 8) };
+    let batch = Batch { steps: 3, ..batch(&model, &observation, Stride::Eight) };
     let mut few = poses(&truth);
     let mut many: Vec<_> = few.iter().copied().cycle().take(MOST_POSES + 100).collect();
     let rendered = first.advance(&batch, &mut few).unwrap().to_vec();
@@ -367,12 +355,12 @@ fn a_lost_device_is_an_error() {
     let model = sphere(0.05);
     let truth = placed(0.02, 0.03, 0.9, Vector3::zeros());
     let observation = observe(&model, &truth);
-    let batch = batch(&model, &observation, 4);
+    let batch = batch(&model, &observation, Stride::Four);
     // Not the one that the other tests share.
     let mut gpu = Gpu::new(Arc::new(GpuRenderer::open().unwrap()));
     assert!(gpu.advance(&batch, &mut [truth]).unwrap()[0].is_some());
     gpu.renderer.device.device.destroy();
-    for stride in [4, 2] {
+    for stride in [Stride::Four, Stride::Two] {
         let error = gpu.advance(&Batch { stride, ..batch }, &mut [truth]).unwrap_err();
         assert!(error.to_string().contains("--hypotheses cpu"), "{error}");
     }

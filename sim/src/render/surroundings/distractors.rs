@@ -11,12 +11,13 @@ use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
-use super::varied::{Cell, look};
+use super::cell::Cell;
+use super::look::{Look, Odds};
 use crate::mesh::Visual;
-use crate::render::textures::Family::{self, *};
+use crate::render::textures::Family::*;
 
 /// What they are made of.
-const ODDS: &[(Family, u32)] = &[
+const ODDS: &Odds = &[
     (Plain, 14),
     (Plastic, 16),
     (Cardboard, 14),
@@ -97,7 +98,7 @@ fn shelf(cell: &Cell, wall_x: f64, drawn: &mut Vec<Drawn>, rng: &mut ChaCha8Rng)
     let z = rng.random_range(0.5..1.3);
     let y = rng.random_range(cell.low[1] - 0.3..cell.high[1] + 0.3);
     let x = wall_x - 0.01 - half.x;
-    let board = look(&[(Wood, 50), (Plain, 30), (Metal, 20)], 0.6..1.4, SIDE_PX, rng).cuboid(half);
+    let board = Look::drawn(&[(Wood, 50), (Plain, 30), (Metal, 20)], 0.6..1.4, SIDE_PX, rng).cuboid(half);
     drawn.push((Isometry3::translation(x, y, z), board));
     let mut along = y - half.y + 0.02;
     for _ in 0..6 {
@@ -154,7 +155,7 @@ impl Thing {
 
     /// Stands it, turned at random, on `ground`, cut off at `highest`.
     fn stand(self, at: [f64; 2], ground: f64, highest: f64, rng: &mut ChaCha8Rng) -> Drawn {
-        let look = look(ODDS, 0.3..1.0, SIDE_PX, rng);
+        let look = Look::drawn(ODDS, 0.3..1.0, SIDE_PX, rng);
         let tallest = (0.5 * (highest - ground)).max(0.01);
         let (half, visual) = match self {
             Self::Box(half) => {

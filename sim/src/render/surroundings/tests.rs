@@ -2,9 +2,14 @@
 
 use std::collections::HashSet;
 
+use image::RgbImage;
+use nalgebra::{Isometry3, Vector3};
+
+use super::look::Look;
 use super::*;
-use crate::scene::BinKind;
-use crate::shape::CollisionShape;
+use crate::render::textures;
+use crate::scene::{BinKind, FixtureKind};
+use crate::shape::{CollisionShape, Convex};
 
 fn fixtures() -> Vec<Fixture> {
     let block = |kind, center: [f64; 3], half: [f64; 3]| Fixture {

@@ -2,13 +2,24 @@
 
 use nalgebra::{Isometry3, Point3, Translation3};
 
-use super::super::{JointKind, RobotConfig, RobotModel, from_k, to_k};
+use super::super::{JointKind, JointLimits, RobotConfig, RobotModel};
+use super::k_chain::{from_k, serial_chain, to_k};
 use super::{FETCH, folder, random_configuration};
 use crate::camera::Intrinsics;
 use crate::rng;
 
 /// Joint, kind, origin, axis, lower, upper, velocity, effort.
 type Row = (&'static str, JointKind, [f64; 3], [f64; 3], f64, f64, f64, f64);
+
+/// NaN once became the lower limit: a target that is no number sent the arm there.
+#[test]
+fn a_position_that_is_no_number_is_not_clamped_to_a_limit() {
+    let limits = JointLimits { lower: -1.0, upper: 2.0, velocity: 1.0, effort: 1.0 };
+    assert!(limits.clamp(f64::NAN).is_nan());
+    for (position, nearest) in [(0.5, 0.5), (-3.0, -1.0), (f64::INFINITY, 2.0), (f64::NEG_INFINITY, -1.0)] {
+        assert_eq!(limits.clamp(position), nearest);
+    }
+}
 
 #[test]
 fn joints_have_the_published_origins_axes_and_limits() {
@@ -127,7 +138,7 @@ fn kinematics_equal_those_of_the_k_crate() {
     let mut rng = rng::stream(7, "robot test");
     for name in ["gripper_link", "l_gripper_finger_link", "head_camera_rgb_optical_frame"] {
         let link = robot.link_index(name).unwrap();
-        let chain = robot.serial_chain(link).unwrap();
+        let chain = serial_chain(robot, link);
         let joints: Vec<usize> =
             chain.iter_joints().map(|joint| robot.joint_index(&joint.name).unwrap()).collect();
         for _ in 0..200 {

@@ -4,7 +4,8 @@ use k::InverseKinematicsSolver as _;
 use nalgebra::{Isometry3, Translation3};
 use rand::RngExt;
 
-use super::super::{IkRequest, JointKind, RobotModel, to_k};
+use super::super::{IkRequest, JointKind, RobotModel};
+use super::k_chain::{serial_chain, to_k};
 use super::{FETCH, random_configuration};
 use crate::rng;
 
@@ -60,7 +61,7 @@ fn solutions_reach_the_target_within_limits_and_leave_other_joints_alone() {
 fn solves_at_least_as_many_targets_as_the_k_crate() {
     let (robot, config) = &*FETCH;
     let link = config.gripper.link;
-    let chain = robot.serial_chain(link).unwrap();
+    let chain = serial_chain(robot, link);
     let solver = k::JacobianIkSolver::new(1e-4, 1e-3, 0.5, 100);
     let mut rng = rng::stream(12, "ik");
     let (mut ours, mut theirs) = (0, 0);

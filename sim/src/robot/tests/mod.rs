@@ -3,6 +3,7 @@
 mod collision;
 mod fetch;
 mod ik;
+mod k_chain;
 mod lanes;
 mod loading;
 

@@ -17,6 +17,7 @@
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
 
 use super::shifted;
 use crate::camera::Intrinsics;
@@ -47,18 +48,20 @@ impl DepthRange {
 }
 
 /// Settings of the Carmine 1.09 model.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
 pub struct Carmine109 {
-    /// Distances at which it reads.
+    /// Distances at which it reads. Not read from a file of settings: the preset's name in the scene says it.
+    #[serde(skip)]
     pub range: DepthRange,
-    /// Standard deviation of the sideways shift of each pixel, pixels. Default 0.5.
+    /// Standard deviation of the sideways shift of each pixel, pixels, 0 to 10. Default 0.5.
     pub lateral_px: f32,
-    /// Standard deviation of the smooth error of disparity, pixels. Default 0.06.
+    /// Standard deviation of the smooth error of disparity, pixels, 0 to 10. Default 0.06.
     pub bias_px: f32,
-    /// Where the projector stands beside the infrared camera along its x axis, metres; 0 for no projector shadow.
+    /// Where the projector stands beside the infrared camera along its x axis, metres, -1 to 1; 0 for no projector shadow.
     /// Default 0.075: on the right, so that shadows fall to the left of things.
     pub projector_x: f32,
-    /// Exponent n of the drop-out probability (1 - cos)^n; 0 for no drop-out. Default 8.
+    /// Exponent n of the drop-out probability (1 - cos)^n, 0 to 100; 0 for no drop-out. Default 8.
     pub grazing_exponent: i32,
 }
 
@@ -318,7 +321,7 @@ mod tests {
             ("carmine-109-near", 1.3, true),
             ("carmine-109-near", 1.6, false),
         ] {
-            let noise = DepthNoise::from_name(name).unwrap();
+            let noise = DepthNoise::from_name(name, &Carmine109::default()).unwrap();
             let read = noise.apply(&flat(z, 0.0), &CAMERA, &mut rng::stream(4, "t"));
             let any = read.data().iter().any(|&z| z > 0.0);
             let all = read.data().iter().all(|&z| z > 0.0);

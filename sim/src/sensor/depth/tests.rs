@@ -30,10 +30,10 @@ pub(super) fn statistics(image: &DepthImage, z: f32) -> (f64, f64, f64) {
 #[test]
 fn names_lead_to_presets_and_an_unknown_one_lists_them() {
     for name in DepthNoise::NAMES {
-        assert!(DepthNoise::from_name(name).is_ok());
+        assert!(DepthNoise::from_name(name, &Carmine109::default()).is_ok());
     }
-    assert_eq!(DepthNoise::from_name("carmine-109").unwrap(), DepthNoise::default());
-    let error = DepthNoise::from_name("kinect").unwrap_err().to_string();
+    assert_eq!(DepthNoise::from_name("carmine-109", &Carmine109::default()).unwrap(), DepthNoise::default());
+    let error = DepthNoise::from_name("kinect", &Carmine109::default()).unwrap_err().to_string();
     assert!(error.contains("kinect") && error.contains("redwood"), "{error}");
 }
 
@@ -117,7 +117,7 @@ fn redwood_has_its_published_step_and_sigma() {
 fn readings_do_not_depend_on_the_number_of_threads() {
     let rendering = flat(0.9, 0.7);
     for name in DepthNoise::NAMES {
-        let noise = DepthNoise::from_name(name).unwrap();
+        let noise = DepthNoise::from_name(name, &Carmine109::default()).unwrap();
         let take = |threads| {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
             pool.install(|| noise.apply(&rendering, &CAMERA, &mut rng::stream(5, "t")))

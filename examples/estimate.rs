@@ -1,0 +1,23 @@
+//! The poses of the objects in one frame, by GRIP, and how far they are off.
+
+#![allow(clippy::print_stdout, reason = "an example")]
+
+use grip::estimators::{DetectorKind, Grip, Look, NetworkOptions, Perception};
+use grip::score::pose_errors;
+use grip::setup::{Setup, SetupOptions};
+use grip_sim::render::{self, RendererChoice};
+
+pub(crate) fn main() -> anyhow::Result<()> {
+    let setup = Setup::load(&SetupOptions::default())?;
+    let (world, _) = setup.drop_objects()?;
+    let (frame, _) = setup.capture(&world, render::open(RendererChoice::Auto)?.as_mut(), 0)?;
+    let grip = Grip::open(&setup, DetectorKind::Pyramid, &NetworkOptions::default())?;
+    let (cameras, asked) = ([frame.world_from_camera], Vec::from_iter(0..setup.models.len()));
+    let look = Look { frame: &frame, cameras: &cameras, models: &setup.models, asked: &asked, seed: 1 };
+    for (i, posterior) in grip.look(&look)? {
+        let truth = frame.world_from_camera.inverse() * world.truth(i);
+        let (_, adds_m) = pose_errors(&setup.models[i], &truth, &posterior.best);
+        println!("{}: {:.1} mm, sure by {:.2}", posterior.object, 1e3 * adds_m, posterior.confidence);
+    }
+    Ok(())
+}

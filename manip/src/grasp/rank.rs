@@ -1,0 +1,155 @@
+//! Ranks an object's antipodal grasps in the believed scene.
+
+use grip_sim::pose::{Gripper, Object, Pose, World};
+use grip_sim::robot::GripperConfig;
+use nalgebra::Vector3;
+use serde::Serialize;
+
+use super::antipodal::narrow_opening;
+use super::object_grasps::ObjectGrasps;
+use super::oriented::{Scored, oriented};
+use super::robustness::expected_success;
+use super::settings::{GraspAt, GraspSettings};
+use crate::belief::BeliefScene;
+use crate::collision::{
+    CollisionBody, CollisionChecker, CollisionPair, CollisionQuery, Margins, RobotSolids,
+};
+
+/// A grasp of a believed object in the scene.
+#[derive(Debug, Clone, Serialize)]
+pub struct Grasp {
+    /// The gripper in the object's frame.
+    pub object_from_gripper: Pose<Object, Gripper>,
+    /// The gripper in the world.
+    pub world_from_gripper: Pose<World, Gripper>,
+    /// Expected distance of the pads when closed, metres.
+    pub width: f64,
+    /// Opening to approach with, metres.
+    pub opening: f64,
+    /// Distance of the hand from everything but the object, metres, at most [`GraspSettings::clearance_full`].
+    pub clearance: f64,
+    /// Horizontal distance of the object's centre of mass from the grasp's centre, metres.
+    pub lever: f64,
+    /// Share of the pads in contact, 0 to 1.
+    pub contact_share: f64,
+    /// Share of the poses that the object may have for which the grasp holds it; 1 when only the best one was asked.
+    pub expected_success: f64,
+    /// Sum of the weighted terms of [`super::GraspWeights`]; larger is better.
+    pub score: f64,
+}
+
+/// Pairs of every hand link with one object.
+pub fn hand_may_touch(robot: &RobotSolids, object: usize) -> Vec<CollisionPair> {
+    robot
+        .hand
+        .iter()
+        .map(|&link| CollisionPair { a: CollisionBody::Link(link), b: CollisionBody::Object(object) })
+        .collect()
+}
+
+/// What [`rank_grasps`] looked at.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize)]
+pub struct GraspCounters {
+    /// Antipodal candidates of the object.
+    pub candidates: usize,
+    /// Of those, approached from above and clear of the table by their pose alone.
+    pub oriented: usize,
+    /// Of those, tried with the hand's solids.
+    pub tried: usize,
+    /// Of those, free.
+    pub free: usize,
+}
+
+/// Distance of the pads between two checks while the hand closes, metres: a finger, which goes half as far, is thicker.
+const CLOSING_STEP: f64 = 0.01;
+
+/// The best free grasps of object `target`, best first, no two of them alike.
+pub fn rank_grasps(
+    grasps: &ObjectGrasps,
+    belief: &BeliefScene,
+    target: usize,
+    checker: &CollisionChecker,
+    gripper: &GripperConfig,
+    settings: &GraspSettings,
+) -> (Vec<Grasp>, GraspCounters) {
+    let object = &belief.objects[target];
+    let base_from_world = belief.world_from_base.iso().inverse();
+    let w = &settings.weights;
+    let pad = gripper.pad_half_extents;
+    let scored = oriented(grasps, belief, target, gripper, settings);
+    let mut counters =
+        GraspCounters { candidates: grasps.candidates.len(), oriented: scored.len(), ..Default::default() };
+
+    let allowed = hand_may_touch(checker.robot(), target);
+    let query = CollisionQuery {
+        held: None,
+        allowed: &allowed,
+        margins: Margins { world: settings.margin, own: 0.0, spread: settings.spread_share },
+    };
+    let sweep = CollisionQuery { margins: Margins { world: 0.0, ..query.margins }, ..query };
+    let mut kept: Vec<Grasp> = Vec::new();
+    for Scored { score, lever, candidate, world_from_gripper } in scored {
+        // A bound on the work in hopeless clutter.
+        if kept.len() >= settings.keep || counters.tried >= settings.most_tried {
+            break;
+        }
+        if kept.iter().any(|g| alike(&g.world_from_gripper, &world_from_gripper, settings)) {
+            continue;
+        }
+        counters.tried += 1;
+        let base_from_gripper = base_from_world * world_from_gripper.iso();
+        let approach = base_from_gripper * Vector3::x();
+        let free = |opening: f64| {
+            [0.0, 0.03, 0.06, settings.standoff].iter().all(|back| {
+                let mut at = base_from_gripper;
+                at.translation.vector -= approach * *back;
+                checker.hand_collision(&at, opening, &query).is_none()
+            })
+        };
+        // A finger must not stand beyond a wall or a neighbour that is between it and the object.
+        let closes = |opening: f64| {
+            let steps = ((opening - candidate.width) / CLOSING_STEP).ceil().max(1.0);
+            (1..=steps as usize).all(|k| {
+                let at = opening + (candidate.width - opening) * k as f64 / steps;
+                checker.hand_collision(&base_from_gripper, at, &sweep).is_none()
+            })
+        };
+        let narrow = narrow_opening(candidate.width, gripper, &settings.antipodal);
+        let opening = if candidate.fits_wide && free(gripper.opening) && closes(gripper.opening) {
+            gripper.opening
+        } else if free(narrow) && closes(narrow) {
+            narrow
+        } else {
+            continue;
+        };
+        counters.free += 1;
+        let clearance = checker.hand_clearance(&base_from_gripper, opening, &query, settings.clearance_full);
+        let expected_success = match (&grasps.surface, settings.at) {
+            (Some(surface), GraspAt::Posterior) => {
+                expected_success(surface, &pad, &world_from_gripper, opening, grasps.cone, &object.poses)
+            }
+            _ => 1.0,
+        };
+        kept.push(Grasp {
+            expected_success,
+            object_from_gripper: candidate.object_from_gripper,
+            world_from_gripper,
+            width: candidate.width,
+            opening,
+            clearance,
+            lever,
+            contact_share: candidate.contact_share,
+            score: score
+                + w.clearance * clearance / settings.clearance_full
+                + w.expected_success * expected_success,
+        });
+    }
+    kept.sort_by(|a, b| b.score.total_cmp(&a.score));
+    (kept, counters)
+}
+
+/// Whether two grasps count as one.
+fn alike(a: &Pose<World, Gripper>, b: &Pose<World, Gripper>, settings: &GraspSettings) -> bool {
+    (a.translation() - b.translation()).norm() < settings.distinct_distance
+        && a.angle_to(b) < settings.distinct_angle
+}

@@ -1,0 +1,121 @@
+//! Whether an object stands where it is put: its centre of mass has to be above the hull of what bears it, and what bears it
+//! must not break.
+
+use std::f64::consts::TAU;
+
+use grip_sim::objects::ObjectModel;
+use nalgebra::Vector2;
+
+use super::height_map::{HeightMap, Profile};
+use crate::belief::BeliefScene;
+
+/// How many directions there are in which supports are looked for.
+const DIRECTIONS: usize = 16;
+
+/// Unit vectors all round: their x and their y.
+pub(super) fn directions() -> [[f32; DIRECTIONS]; 2] {
+    let around: [f32; DIRECTIONS] = std::array::from_fn(|k| TAU as f32 * k as f32 / DIRECTIONS as f32);
+    [around.map(f32::cos), around.map(f32::sin)]
+}
+
+/// How an object is borne at a place.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Support {
+    /// Its centre of mass is above the hull of what bears it.
+    Stands,
+    /// Something bears it on every side, but its centre of mass is not above the hull of that: it comes to lean.
+    Tips,
+    /// It falls over, or would crush what is below.
+    None,
+}
+
+/// What a place is checked with.
+pub(super) struct SupportCheck<'a> {
+    pub model: &'a ObjectModel,
+    /// Its centre of mass from its origin, cells along the bin's x and y.
+    pub center: Vector2<f64>,
+    /// Unit vectors all round: their x and their y.
+    pub directions: [[f32; DIRECTIONS]; 2],
+    pub belief: &'a BeliefScene,
+    pub owner: &'a [Option<usize>],
+    /// A gap below this counts as support, metres.
+    pub gap: f64,
+}
+
+impl SupportCheck<'_> {
+    /// What bears the object when its origin is at height `z`.
+    pub fn support(
+        &self,
+        profile: &Profile,
+        map: &HeightMap,
+        z: f64,
+        at: impl Fn(&[i32; 2]) -> usize,
+    ) -> Support {
+        let mut reach = [f32::NEG_INFINITY; DIRECTIONS];
+        let [xs, ys] = &self.directions;
+        for (offset, bottom, _) in &profile.cells {
+            let index = at(offset);
+            if z + bottom - map.heights[index] > self.gap {
+                continue;
+            }
+            if let Some(below) = self.owner[index] {
+                let below = &self.belief.objects[below].model.info;
+                if !below.fragility.bears(self.model.info.mass_kg) {
+                    return Support::None;
+                }
+            }
+            let [x, y] = [0, 1].map(|axis| (f64::from(offset[axis]) - self.center[axis]) as f32);
+            for k in 0..DIRECTIONS {
+                reach[k] = reach[k].max(x * xs[k] + y * ys[k]);
+            }
+        }
+        // With a cell to spare: supports reach that far to every side.
+        let far = |reach: &f32| *reach >= 1.0;
+        if reach.iter().all(far) {
+            Support::Stands
+        } else if reach.iter().step_by(DIRECTIONS / 4).all(far) {
+            Support::Tips
+        } else {
+            Support::None
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::testing::{box_model, empty_scene};
+    use nalgebra::Isometry3;
+
+    #[test]
+    fn the_centre_of_mass_is_between_the_supports() {
+        // Three posts at corners of a square: the box about them has the middle inside, the triangle between them at its edge.
+        let model = box_model("tray", [0.17, 0.17, 0.02]);
+        let rest = Isometry3::identity();
+        let profile = Profile::new(&model.visual.mesh, &rest, 0.01);
+        let mut map = HeightMap::flat([-0.095, -0.095], [19, 19], 0.01, 0.0);
+        let belief = empty_scene();
+        let owner = vec![None; map.heights.len()];
+        let borne = |map: &HeightMap, center: [f64; 2]| {
+            let check = SupportCheck {
+                model: &model,
+                center: center.into(),
+                directions: directions(),
+                belief: &belief,
+                owner: &owner,
+                gap: 0.006,
+            };
+            check.support(&profile, map, 0.11, |o| ((o[0] + 9) + (o[1] + 9) * 19) as usize)
+        };
+        for (x, y) in [(1, 17), (17, 1), (17, 17)] {
+            map.heights[x + y * 19] = 0.1;
+        }
+        assert_eq!(borne(&map, [0.0, 0.0]), Support::Tips, "over the edge between the far posts");
+        assert_eq!(borne(&map, [3.0, 3.0]), Support::Stands);
+        assert_eq!(borne(&map, [-3.0, -3.0]), Support::Tips);
+        assert_eq!(borne(&map, [-10.0, 0.0]), Support::None);
+        map.heights[1 + 19] = 0.1;
+        assert_eq!(borne(&map, [0.0, 0.0]), Support::Stands);
+        assert_eq!(borne(&map, [-3.0, -3.0]), Support::Stands);
+    }
+}

@@ -1,0 +1,9 @@
+//! What all particle filters share: scored poses, their summary as a posterior, and the trace of a search.
+
+mod result;
+mod summary;
+mod trace;
+
+pub(crate) use self::result::{ScoredPose, SearchResult};
+pub(crate) use self::summary::{nothing, summarized};
+pub(crate) use self::trace::{Trace, closed, replaced};

@@ -1,0 +1,221 @@
+//! From weighted particles to a posterior: modes, entropy and spread.
+
+use grip_sim::pose::Pose;
+use nalgebra::{Isometry3, Matrix4, Quaternion, Translation3, UnitQuaternion, Vector3, Vector4};
+
+use super::result::{ScoredPose, SearchResult, typed};
+use crate::hull::{directions, reach};
+use crate::model::Model;
+use crate::posterior::{Mode, PosePosterior};
+use crate::symmetry::SymmetryGroup;
+
+/// Directions in which hulls are compared.
+const DIRECTIONS: usize = 64;
+/// Two particles are in one mode when their convex hulls are this near (Hausdorff distance), metres, as the restarts of a
+/// search are one that end so near.
+const MODE_M: f32 = 0.015;
+/// Confidence from which an object is said to be there.
+const THERE: f64 = 0.5;
+
+/// No hypothesis could be drawn, so nothing is known: a point at the camera with no confidence.
+pub(crate) fn nothing(model: &Model, seconds: f64) -> PosePosterior {
+    PosePosterior {
+        object: model.name.clone(),
+        best: Pose::identity(),
+        particles: vec![(Pose::identity(), 1.0)],
+        modes: Vec::new(),
+        entropy: 0.0,
+        score: 0.0,
+        confidence: 0.0,
+        there: false,
+        terms: Default::default(),
+        position_std_m: f64::INFINITY,
+        rotation_std_rad: f64::INFINITY,
+        restarts: 0,
+        hypotheses: 0,
+        seconds,
+        colour: None,
+        trace: Vec::new(),
+    }
+}
+
+/// What is believed after a search; `weights` are those of the population.
+pub(crate) fn summarized(
+    model: &Model,
+    found: SearchResult,
+    weights: Vec<f64>,
+    confidence: f64,
+    seconds: f64,
+) -> PosePosterior {
+    let population: Vec<(ScoredPose, f64)> = found.population.iter().copied().zip(weights).collect();
+    let (position_std_m, rotation_std_rad) = spread(model, &population, &found.best.pose);
+    let modes = modes(model, &found.best, &population);
+    let entropy = modes.iter().map(|m| if m.mass > 0.0 { -m.mass * m.mass.ln() } else { 0.0 }).sum();
+    PosePosterior {
+        object: model.name.clone(),
+        best: typed(&found.best.pose),
+        particles: population.iter().map(|(h, w)| (typed(&h.pose), *w)).collect(),
+        modes,
+        entropy,
+        score: f64::from(found.best.score),
+        confidence,
+        there: confidence >= THERE,
+        terms: Default::default(),
+        position_std_m,
+        rotation_std_rad,
+        restarts: found.restarts,
+        hypotheses: found.hypotheses,
+        seconds,
+        colour: None,
+        trace: found.trace,
+    }
+}
+
+/// Particles whose hulls are near that of the first.
+struct Place {
+    first: ScoredPose,
+    /// How far its hull reaches.
+    outline: Vec<f32>,
+    members: Vec<(ScoredPose, f64)>,
+}
+
+/// The places of the population, that of the best pose first, then by falling mass.
+fn modes(model: &Model, best: &ScoredPose, population: &[(ScoredPose, f64)]) -> Vec<Mode> {
+    let outline = |pose: &Isometry3<f32>| -> Vec<f32> {
+        directions(DIRECTIONS).map(|d| reach(&model.hull, pose, &d)).collect()
+    };
+    let near = |a: &[f32], b: &[f32]| a.iter().zip(b).all(|(a, b)| (a - b).abs() < MODE_M);
+    let mut places = vec![Place { first: *best, outline: outline(&best.pose), members: Vec::new() }];
+    // The population is sorted by score within each instance, so that places are opened by their best particles.
+    for &(h, w) in population {
+        let outline = outline(&h.pose);
+        match places.iter_mut().find(|place| near(&place.outline, &outline)) {
+            Some(place) => place.members.push((h, w)),
+            None => places.push(Place { first: h, outline, members: vec![(h, w)] }),
+        }
+    }
+    let mode = |Place { first, members, .. }: Place| {
+        let (position_std_m, rotation_std_rad) = spread(model, &members, &first.pose);
+        Mode {
+            pose: typed(&first.pose),
+            mean: typed(&mean(model.symmetry(), &first.pose, &members)),
+            mass: members.iter().map(|(_, w)| w).sum(),
+            score: f64::from(first.score),
+            position_std_m,
+            rotation_std_rad,
+        }
+    };
+    let mut modes: Vec<Mode> = places.into_iter().map(mode).collect();
+    if let Some((_, rest)) = modes.split_first_mut() {
+        rest.sort_by(|a, b| b.mass.total_cmp(&a.mass));
+    }
+    modes
+}
+
+/// Mean of poses of an object that looks the same after some turns: each is taken in that of its equal orientations which is
+/// nearest to `first`. Rotations are averaged as Markley (2007) does.
+fn mean(symmetry: &SymmetryGroup, first: &Isometry3<f32>, members: &[(ScoredPose, f64)]) -> Isometry3<f32> {
+    let mass: f64 = members.iter().map(|(_, w)| w).sum();
+    if mass.is_nan() || mass <= 0.0 {
+        return *first;
+    }
+    let mut position = Vector3::zeros();
+    let mut products = Matrix4::<f64>::zeros();
+    for (h, w) in members {
+        let pose = symmetry.nearest(&h.pose, first);
+        position += pose.translation.vector.cast::<f64>() * (w / mass);
+        let q: Vector4<f64> = pose.rotation.coords.cast();
+        products += q * q.transpose() * *w;
+    }
+    let eigen = products.symmetric_eigen();
+    let q = Quaternion::from_vector(eigen.eigenvectors.column(eigen.eigenvalues.imax()).into_owned());
+    let rotation = UnitQuaternion::from_quaternion(q.cast());
+    Isometry3::from_parts(Translation3::from(position.cast::<f32>()), rotation)
+}
+
+/// Root mean square distance of the origins from their mean, and of orientation: change of the hull's support function from
+/// that at `reference`, relative to the object's radius.
+fn spread(model: &Model, population: &[(ScoredPose, f64)], reference: &Isometry3<f32>) -> (f64, f64) {
+    let mass: f64 = population.iter().map(|(_, w)| w).sum();
+    if mass.is_nan() || mass <= 0.0 {
+        return (0.0, 0.0);
+    }
+    let positions = || population.iter().map(|(h, w)| (h.pose.translation.vector.cast::<f64>(), w / mass));
+    let mean = positions().fold(Vector3::zeros(), |m, (p, w)| m + p * w);
+    let variance: f64 = positions().map(|(p, w)| w * (p - mean).norm_squared()).sum();
+    let only_turned = |pose: &Isometry3<f32>| Isometry3::from_parts(Translation3::identity(), pose.rotation);
+    let reference = only_turned(reference);
+    let base: Vec<f32> = directions(DIRECTIONS).map(|d| reach(&model.hull, &reference, &d)).collect();
+    let mut change = 0.0;
+    for (h, w) in population {
+        let turned = only_turned(&h.pose);
+        let sum: f32 = directions(DIRECTIONS)
+            .zip(&base)
+            .map(|(d, b)| (reach(&model.hull, &turned, &d) - b).powi(2))
+            .sum();
+        change += w / mass * f64::from(sum) / DIRECTIONS as f64;
+    }
+    (variance.sqrt(), change.sqrt() / f64::from(model.radius))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::model::fixtures::{can, skew_box};
+
+    fn at(x: f32, turn: Vector3<f32>, score: f32) -> ScoredPose {
+        let rotation = UnitQuaternion::from_scaled_axis(turn);
+        ScoredPose { pose: Isometry3::from_parts(Translation3::new(x, 0.0, 0.8), rotation), score }
+    }
+
+    fn found(population: Vec<ScoredPose>) -> SearchResult {
+        let best = population[0];
+        SearchResult {
+            best,
+            population,
+            others: Vec::new(),
+            restarts: 1,
+            agreeing: 1,
+            hypotheses: 10,
+            box_confidence: 1.0,
+            trace: Vec::new(),
+        }
+    }
+
+    #[test]
+    fn two_places_of_equal_weight_are_two_modes_and_one_bit_of_entropy() {
+        let still = Vector3::zeros();
+        let population =
+            vec![at(0.0, still, 0.8), at(0.1, still, 0.8), at(0.001, still, 0.8), at(0.101, still, 0.8)];
+        let p = summarized(&skew_box([0.05, 0.08, 0.1]), found(population), vec![0.25; 4], 0.9, 0.0);
+        let masses: Vec<f64> = p.modes.iter().map(|m| m.mass).collect();
+        assert_eq!(masses, [0.5, 0.5]);
+        assert!((p.entropy - 2f64.ln()).abs() < 1e-12);
+        assert!((p.modes[1].mean.translation().x - 0.1005).abs() < 1e-6);
+        assert!((p.modes[1].position_std_m - 0.0005).abs() < 1e-6);
+        assert!(p.there && p.modes[0].pose == p.best);
+    }
+
+    #[test]
+    fn a_turned_can_is_one_mode_with_a_mean_and_no_spread() {
+        let can = can(0.03, 0.1);
+        let turned = |angle: f32| Vector3::new(0.0, 0.0, angle);
+        let population: Vec<ScoredPose> = (0..12).map(|i| at(0.0, turned(0.5 * i as f32), 0.8)).collect();
+        let p = summarized(&can, found(population), vec![1.0 / 12.0; 12], 0.9, 0.0);
+        assert_eq!(p.modes.len(), 1);
+        assert!(p.entropy.abs() < 1e-9 && p.modes[0].rotation_std_rad < 0.02, "{:?}", p.modes[0]);
+        // Equal orientations are taken nearest to the best: the mean is the best.
+        let off = p.modes[0].mean.iso().rotation.angle_to(&p.best.iso().rotation);
+        assert!(off < 1e-3, "{off}");
+    }
+
+    #[test]
+    fn the_mean_of_rotations_is_halfway() {
+        let model = skew_box([0.05, 0.08, 0.1]);
+        let population =
+            vec![at(0.0, Vector3::new(0.0, 0.1, 0.0), 0.8), at(0.0, Vector3::new(0.0, -0.06, 0.0), 0.8)];
+        let p = summarized(&model, found(population), vec![0.5, 0.5], 0.9, 0.0);
+        let mean = p.modes[0].mean.iso().rotation.scaled_axis();
+        assert!((mean - Vector3::new(0.0, 0.02, 0.0)).norm() < 1e-4, "{mean}");
+    }
+}

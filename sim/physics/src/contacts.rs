@@ -1,0 +1,182 @@
+//! Contact forces of the last step, by who touches whom.
+
+use rapier3d::prelude::*;
+
+use nalgebra::Vector3;
+
+use grip_sim::convert::from_vector;
+
+/// What a collider belongs to.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Body {
+    /// Table, bin, stand or floor: index of the fixture, or the floor behind the last one.
+    Fixture(usize),
+    /// An object, by its index in the world.
+    Object(usize),
+    /// A robot link that is not a finger, by its index in the robot model.
+    Link(usize),
+    /// 0 is the right finger, 1 the left one.
+    Finger(usize),
+}
+
+impl Body {
+    /// Packed into a collider's user data.
+    pub(crate) fn tag(self) -> u128 {
+        let (kind, index) = match self {
+            Self::Fixture(i) => (0, i),
+            Self::Object(i) => (1, i),
+            Self::Link(i) => (2, i),
+            Self::Finger(i) => (3, i),
+        };
+        (kind << 64) | index as u128
+    }
+
+    /// Read back from a collider's user data.
+    pub(crate) fn from_tag(tag: u128) -> Self {
+        let index = (tag & u128::from(u64::MAX)) as usize;
+        match tag >> 64 {
+            0 => Self::Fixture(index),
+            1 => Self::Object(index),
+            2 => Self::Link(index),
+            _ => Self::Finger(index),
+        }
+    }
+}
+
+/// What one finger does to an object.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct FingerContact {
+    /// Normal force on the object, newtons, world frame.
+    pub force: Vector3<f64>,
+}
+
+/// The contacts of one object in the last step.
+#[derive(Debug, Clone, Default)]
+pub struct ObjectContacts {
+    /// Right and left finger.
+    pub fingers: [FingerContact; 2],
+    /// Sum of the magnitudes of the normal forces by table, bin and other objects, newtons.
+    pub support_force: f64,
+    /// Largest normal force by any one body, newtons.
+    pub largest_force: f64,
+    /// Sum of the magnitudes of the normal forces by everything but the fingers, newtons.
+    pub blow_force: f64,
+    /// Net normal force by everything but the hand, newtons, world frame.
+    pub outside: Vector3<f64>,
+    /// Objects that press this one down, and with how many newtons each.
+    pub loads: Vec<(usize, f64)>,
+    /// Objects that press on this one or that it presses on.
+    pub objects: Vec<usize>,
+    /// Fixtures it touches.
+    pub fixtures: Vec<usize>,
+    /// Whether a robot link other than a finger touches it.
+    pub link: bool,
+}
+
+impl ObjectContacts {
+    /// Whether both fingers press with at least `newtons` each, the dot product of the unit forces at most `opposing_dot`.
+    pub fn pinched(&self, newtons: f64, opposing_dot: f64) -> bool {
+        let [right, left] = &self.fingers;
+        let (a, b) = (right.force.norm(), left.force.norm());
+        a >= newtons && b >= newtons && right.force.dot(&left.force) <= opposing_dot * a * b
+    }
+
+    /// Whether the robot touches it at all.
+    pub fn touched_by_robot(&self) -> bool {
+        self.link || self.fingers.iter().any(|f| f.force.norm() > 0.0)
+    }
+}
+
+/// All contact forces of the last step.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Contacts {
+    /// By object index.
+    pub objects: Vec<ObjectContacts>,
+    /// Net normal force on the two fingers by what is fixed, newtons, world frame.
+    pub on_fingers: Vector3<f64>,
+    /// Largest normal force on a single robot link that is not a finger, newtons, and that link.
+    pub link_force: Option<(f64, usize)>,
+}
+
+/// Newtons on the first body of `pair`, world frame, from the impulses that the solver really applied.
+///
+/// `ContactPair::total_impulse` would count stale impulses of points that the solver did not see.
+fn force(pair: &ContactPair, dt: f32) -> Option<Vector3<f64>> {
+    let mut impulse = Vector3::zeros();
+    let mut active = false;
+    for manifold in pair.solver_manifolds() {
+        let mut normal_impulse = 0.0;
+        for contact in &manifold.data.solver_contacts {
+            let point = (contact.contact_id[0] & !rapier3d::geometry::NEW_CONTACT_BIT) as usize;
+            if let Some(point) = manifold.points.get(point) {
+                normal_impulse += f64::from(point.data.impulse);
+                active |= point.data.impulse > 0.0;
+            }
+        }
+        // The manifold's normal points from the first collider to the second; the first is pushed back.
+        impulse -= from_vector(manifold.data.normal) * normal_impulse;
+    }
+    active.then(|| impulse / f64::from(dt))
+}
+
+impl Contacts {
+    /// Reads the narrow phase after a step. `hand` is the link that carries the fingers.
+    pub fn read(physics: &PhysicsWorld, objects: usize, hand: usize) -> Self {
+        let mut contacts = Self { objects: vec![ObjectContacts::default(); objects], ..Self::default() };
+        let mut links: Vec<(usize, Vector3<f64>)> = Vec::new();
+        for pair in physics.narrow_phase.contact_pairs() {
+            let Some(on_first) = force(pair, physics.integration_parameters.dt) else { continue };
+            let body = |handle| physics.colliders.get(handle).map(|c| Body::from_tag(c.user_data));
+            let (Some(first), Some(second)) = (body(pair.collider1), body(pair.collider2)) else { continue };
+            for (me, other, force) in [(first, second, on_first), (second, first, -on_first)] {
+                match me {
+                    Body::Object(i) => contacts.objects[i].add(other, force, hand),
+                    Body::Finger(_) if matches!(other, Body::Fixture(_)) => contacts.on_fingers += force,
+                    Body::Link(link) => match links.iter_mut().find(|(l, _)| *l == link) {
+                        Some((_, sum)) => *sum += force,
+                        None => links.push((link, force)),
+                    },
+                    _ => {}
+                }
+            }
+        }
+        contacts.link_force =
+            links.into_iter().map(|(link, f)| (f.norm(), link)).max_by(|a, b| a.0.total_cmp(&b.0));
+        contacts
+    }
+}
+
+impl ObjectContacts {
+    fn add(&mut self, other: Body, force: Vector3<f64>, hand: usize) {
+        let newtons = force.norm();
+        if !matches!(other, Body::Finger(_)) && other != Body::Link(hand) {
+            self.outside += force;
+        }
+        self.largest_force = self.largest_force.max(newtons);
+        if !matches!(other, Body::Finger(_)) {
+            self.blow_force += newtons;
+        }
+        match other {
+            Body::Finger(side) => self.fingers[side].force += force,
+            Body::Link(_) => self.link = true,
+            Body::Fixture(i) => {
+                self.support_force += newtons;
+                if !self.fixtures.contains(&i) {
+                    self.fixtures.push(i);
+                }
+            }
+            Body::Object(i) => {
+                self.support_force += newtons;
+                if !self.objects.contains(&i) {
+                    self.objects.push(i);
+                }
+                if force.z < 0.0 {
+                    match self.loads.iter_mut().find(|(other, _)| *other == i) {
+                        Some((_, load)) => *load -= force.z,
+                        None => self.loads.push((i, -force.z)),
+                    }
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,111 @@
+//! GRIP in a trial: a detector over the whole frame, and the filter over the table and over the inside of the bin.
+
+use std::sync::Arc;
+
+use anyhow::{Context, Result};
+use grip_perception::{
+    Clusters, Detection, Detections, Detector, GripEstimator, PoseEstimator, WholeImage, Workspace,
+};
+use grip_sim::frame::CameraFrame;
+use grip_sim::objects::ObjectModel;
+use grip_sim::rng;
+use nalgebra::Point3;
+use serde_json::{Value, json};
+
+use super::{DetectorKind, Estimates, Look, NetworkOptions, Perception};
+use crate::setup::Setup;
+
+/// Both stages of GRIP.
+pub struct Grip {
+    /// The first stage.
+    detector: Box<dyn Detector>,
+    /// The network that the detector runs, with its fingerprint.
+    network: Option<String>,
+    /// The second stage over the table.
+    table: GripEstimator,
+    /// The same over the inside of the bin, and where that is.
+    bin: GripEstimator,
+    bin_space: Workspace,
+}
+
+impl Grip {
+    /// For the cell of `setup`, with its settings.
+    ///
+    /// # Errors
+    /// When the network's file is wrong, its options are given to another detector, or a setting is out of range.
+    pub fn open(setup: &Setup, detector: DetectorKind, network: &NetworkOptions) -> Result<Self> {
+        network.check_used(detector == DetectorKind::Pyramid, "--detector pyramid")?;
+        let table = setup.cell.workspace();
+        let bin_space = setup.cell.bin_space();
+        let over = |workspace: &Workspace| -> Result<GripEstimator> {
+            let estimator = GripEstimator::new(setup.settings.perception.grip.clone())?;
+            Ok(estimator.within(*workspace).with_renderer(setup.hypotheses.clone()))
+        };
+        let settings = &setup.settings.perception.detector;
+        let mut name = None;
+        let detector: Box<dyn Detector> = match detector {
+            DetectorKind::Pyramid => {
+                let pyramid = network.open(&settings.pyramid)?;
+                name = Some(pyramid.to_string());
+                Box::new(pyramid)
+            }
+            DetectorKind::Clusters => Box::new(Clusters::new(settings.clusters.clone())?.within(table)),
+            DetectorKind::None => Box::new(WholeImage),
+        };
+        Ok(Self { detector, network: name, table: over(&table)?, bin: over(&bin_space)?, bin_space })
+    }
+
+    /// The part of the image that shows the inside of the bin, as the one box for each of `models`.
+    fn bin_detections(&self, frame: &CameraFrame, models: &[Arc<ObjectModel>]) -> Result<Detections> {
+        let Workspace { min: low, max: high } = self.bin_space;
+        let camera_from_world = frame.world_from_camera.inverse();
+        let mut bbox = [f64::INFINITY, f64::INFINITY, f64::NEG_INFINITY, f64::NEG_INFINITY];
+        for corner in 0..8 {
+            let p = [0, 1, 2].map(|axis| if corner >> axis & 1 == 0 { low[axis] } else { high[axis] });
+            let in_camera = camera_from_world.transform_point(&Point3::from(p));
+            if let Some(at) = frame.intrinsics.project(&in_camera) {
+                bbox = [bbox[0].min(at.x), bbox[1].min(at.y), bbox[2].max(at.x), bbox[3].max(at.y)];
+            }
+        }
+        let (width, height) = (frame.intrinsics.width as f64 - 1.0, frame.intrinsics.height as f64 - 1.0);
+        let bbox = [
+            bbox[0].clamp(0.0, width),
+            bbox[1].clamp(0.0, height),
+            bbox[2].clamp(0.0, width),
+            bbox[3].clamp(0.0, height),
+        ];
+        let mut detections = Detections::new();
+        if bbox[0] <= bbox[2] && bbox[1] <= bbox[3] {
+            for model in models {
+                detections.push(&model.info.name, Detection { bbox, confidence: 1.0 })?;
+            }
+        }
+        Ok(detections)
+    }
+}
+
+impl Perception for Grip {
+    fn look(&self, look: &Look<'_>) -> Result<Estimates> {
+        let models = look.asked_models();
+        let boxes = self.detector.detect(look.frame, &models).context("detector")?;
+        let seed = rng::seed(look.seed, &format!("filter/{}", look.number()));
+        let posteriors = self.table.estimate(look.frame, &boxes, &models, seed).context("estimator")?;
+        Ok(look.asked.iter().copied().zip(posteriors).collect())
+    }
+
+    fn look_into_bin(&self, look: &Look<'_>) -> Result<Estimates> {
+        let models = look.asked_models();
+        let boxes = self.bin_detections(look.frame, &models)?;
+        let seed = rng::seed(look.seed, &format!("bin/{}", look.number()));
+        let posteriors = self.bin.estimate(look.frame, &boxes, &models, seed).context("estimator")?;
+        Ok(look.asked.iter().copied().zip(posteriors).collect())
+    }
+
+    fn description(&self) -> Value {
+        json!({ "name": "grip", "detector": self.detector.name(), "network": self.network })
+    }
+
+    fn detector(&self) -> &'static str {
+        self.detector.name()
+    }
+}

@@ -1,0 +1,213 @@
+//! Who estimates poses in a trial: GRIP, a results file made by anyone, or the simulator's own truth.
+//!
+//! An estimator is a [`Perception`]: it is handed what the camera saw ([`Look`]) and nothing else. The truth is none, and
+//! the trial reads it where the world is; it measures ceilings and is marked in every output.
+
+mod grip;
+mod recorded;
+
+use std::path::{Path, PathBuf};
+use std::str::FromStr;
+use std::sync::Arc;
+
+use anyhow::{Result, ensure};
+use grip_perception::{PosePosterior, Providers, PyramidCnn, PyramidSettings};
+use grip_sim::frame::CameraFrame;
+use grip_sim::objects::ObjectModel;
+use grip_sim::pose::{Camera, Pose, World};
+use serde::{Deserialize, Serialize};
+use serde_json::{Value, json};
+
+pub use self::grip::Grip;
+pub use self::recorded::Recorded;
+use crate::setup::Setup;
+
+/// What an estimator is told of one look of the robot.
+pub struct Look<'a> {
+    /// What the camera saw, and where it was by the joints' encoders.
+    pub frame: &'a CameraFrame,
+    /// Where the camera was at each look until now, this one last.
+    pub cameras: &'a [Pose<World, Camera>],
+    /// The trial's objects.
+    pub models: &'a [Arc<ObjectModel>],
+    /// Those whose poses are asked for, positions in `models`.
+    pub asked: &'a [usize],
+    /// The trial's seed.
+    pub seed: u64,
+}
+
+impl Look<'_> {
+    /// The number of the look, from 0 on.
+    pub fn number(&self) -> usize {
+        self.cameras.len() - 1
+    }
+
+    /// The models of the objects that are asked for.
+    pub fn asked_models(&self) -> Vec<Arc<ObjectModel>> {
+        self.asked.iter().map(|&i| self.models[i].clone()).collect()
+    }
+}
+
+/// What is believed of some of a trial's objects: the position of each in [`Look::models`], and where it may be.
+pub type Estimates = Vec<(usize, PosePosterior)>;
+
+/// Estimates poses from what the camera saw.
+pub trait Perception: Send + Sync {
+    /// Estimates the objects that are asked for; those that there is no estimate of are left out.
+    ///
+    /// # Errors
+    /// When detector or estimator fail.
+    fn look(&self, look: &Look<'_>) -> Result<Estimates>;
+
+    /// The same for objects that are believed to lie in the bin.
+    ///
+    /// # Errors
+    /// When the estimator fails.
+    fn look_into_bin(&self, look: &Look<'_>) -> Result<Estimates>;
+
+    /// For scenario.json: what its estimates depend on beside the settings.
+    fn description(&self) -> Value;
+
+    /// The name of the detector that proposes boxes; `none` where nobody looks at boxes.
+    fn detector(&self) -> &'static str {
+        "none"
+    }
+}
+
+/// Who says where the objects are.
+pub enum Estimator {
+    /// An estimator, who sees frames.
+    Perception(Box<dyn Perception>),
+    /// The simulator itself: a ceiling, not a result.
+    Truth,
+}
+
+impl Estimator {
+    /// Opens what `kind` names, for the cell and settings of `setup`.
+    ///
+    /// # Errors
+    /// When a file is wrong, or an option of the network is given that nobody uses.
+    pub fn open(
+        setup: &Setup,
+        kind: &EstimatorKind,
+        detector: DetectorKind,
+        network: &NetworkOptions,
+    ) -> Result<Self> {
+        Ok(match kind {
+            EstimatorKind::Grip => Self::Perception(Box::new(Grip::open(setup, detector, network)?)),
+            EstimatorKind::Truth => Self::Truth,
+            EstimatorKind::Csv(path) => Self::Perception(Box::new(Recorded::read(path)?)),
+        })
+    }
+
+    /// For scenario.json: what the results depend on beside the settings.
+    pub fn description(&self) -> Value {
+        match self {
+            Self::Perception(perception) => perception.description(),
+            Self::Truth => json!({ "name": "truth" }),
+        }
+    }
+
+    /// The name of the detector that proposes boxes.
+    pub fn detector(&self) -> &'static str {
+        match self {
+            Self::Perception(perception) => perception.detector(),
+            Self::Truth => "none",
+        }
+    }
+}
+
+/// Names an estimator of a trial: `grip`, `truth`, or `csv:FILE`.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub enum EstimatorKind {
+    /// GRIP.
+    #[default]
+    Grip,
+    /// The simulator's own poses: a ceiling, not a result.
+    Truth,
+    /// A results file in BOP's format.
+    Csv(PathBuf),
+}
+
+impl EstimatorKind {
+    /// As in outputs: of a file its name without the ending, behind `csv-`.
+    pub fn name(&self) -> String {
+        match self {
+            Self::Grip => "grip".into(),
+            Self::Truth => "truth".into(),
+            Self::Csv(path) => {
+                format!("csv-{}", path.file_stem().unwrap_or(path.as_os_str()).to_string_lossy())
+            }
+        }
+    }
+}
+
+impl FromStr for EstimatorKind {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        match (text, text.strip_prefix("csv:")) {
+            ("grip", _) => Ok(Self::Grip),
+            ("truth", _) => Ok(Self::Truth),
+            (_, Some(file)) if Path::new(file).file_stem().is_some() => Ok(Self::Csv(file.into())),
+            _ => Err("give grip, truth, or csv: and a results file".into()),
+        }
+    }
+}
+
+/// Who proposes boxes to GRIP.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum DetectorKind {
+    /// PyramidCNN: boxes of each object from the colour image.
+    #[default]
+    Pyramid,
+    /// A class-agnostic box for each cluster of depth above the table.
+    Clusters,
+    /// No proposals: a uniform prior.
+    None,
+}
+
+impl DetectorKind {
+    /// As on the command line and in outputs.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Pyramid => "pyramid",
+            Self::Clusters => "clusters",
+            Self::None => "none",
+        }
+    }
+}
+
+/// Which network the detector `pyramid` is, and what it runs on.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct NetworkOptions {
+    /// An ONNX file with a description of the same name beside it (.json); the built-in one where none is given.
+    pub model: Option<PathBuf>,
+    /// Execution providers of a native ONNX Runtime.
+    pub providers: Providers,
+}
+
+impl NetworkOptions {
+    /// The network.
+    ///
+    /// # Errors
+    /// When a file is wrong, a provider is not there, or a setting out of range.
+    pub fn open(&self, settings: &PyramidSettings) -> Result<PyramidCnn> {
+        let network = match &self.model {
+            Some(path) => PyramidCnn::open(path, &self.providers)?,
+            None => PyramidCnn::built_in(&self.providers)?,
+        };
+        Ok(network.with_settings(settings.clone())?)
+    }
+
+    /// Refuses options that nobody uses.
+    ///
+    /// # Errors
+    /// When an option is given although the network is not `used`; `by` says what uses it.
+    pub fn check_used(&self, used: bool, by: &str) -> Result<()> {
+        let given = self.model.is_some() || !self.providers.0.is_empty();
+        ensure!(used || !given, "--detector-model and --providers are for {by}; leave them out");
+        Ok(())
+    }
+}

@@ -1,0 +1,216 @@
+//! Follows one attempt in the physics world.
+
+use grip_physics::{STEP_HZ, World};
+use nalgebra::Isometry3;
+
+use super::outcome::{Clauses, Measures};
+use crate::settings::SuccessCriteria;
+
+/// What one attempt at an object did, as physics saw it.
+#[derive(Debug, Clone)]
+pub struct GraspMonitor {
+    criteria: SuccessCriteria,
+    object: usize,
+    gripper_link: usize,
+    start_lowest: f64,
+    /// Physics steps in a row for which the object was pinched, and for which it was pinched and clear.
+    pinched_steps: u32,
+    clear_steps: u32,
+    /// The clauses of success that concern the way of the object.
+    pub clauses: Clauses,
+    /// What those were judged by.
+    pub measures: Measures,
+    /// Gripper from object when the fingers had closed, for slip.
+    held_at: Option<Isometry3<f64>>,
+    /// Farthest that the object's origin moved in the hand while it was pinched, metres.
+    pub slip_m: Option<f64>,
+    /// Farthest that the object turned in the hand while it was pinched, radians.
+    slip_rad: f64,
+    /// Another object that the fingers pinched instead.
+    pub wrong_object: Option<usize>,
+}
+
+impl GraspMonitor {
+    /// Begins to watch an attempt at `object`.
+    pub fn begin(world: &World, object: usize, gripper_link: usize, criteria: &SuccessCriteria) -> Self {
+        Self {
+            criteria: criteria.clone(),
+            object,
+            gripper_link,
+            start_lowest: world.lowest_point(object),
+            pinched_steps: 0,
+            clear_steps: 0,
+            clauses: Clauses::default(),
+            measures: Measures::default(),
+            held_at: None,
+            slip_m: None,
+            slip_rad: 0.0,
+            wrong_object: None,
+        }
+    }
+
+    /// A physics step of closing, lifting or carrying is done.
+    pub fn step(&mut self, world: &World) {
+        let pinched = self.pinches(world, self.object);
+        let clear = pinched && self.is_clear(world);
+        self.pinched_steps = if pinched { self.pinched_steps + 1 } else { 0 };
+        self.clear_steps = if clear { self.clear_steps + 1 } else { 0 };
+        let Some(held_at) = self.held_at.filter(|_| pinched) else { return };
+        let moved = held_at.inverse() * self.gripper_from_object(world);
+        self.slip_m = Some(self.slip_m.unwrap_or(0.0).max(moved.translation.vector.norm()));
+        self.slip_rad = self.slip_rad.max(moved.rotation.angle());
+        let risen = world.lowest_point(self.object) - self.start_lowest;
+        if clear {
+            self.measures.risen_m = self.measures.risen_m.max(risen);
+        }
+        self.clauses.lifted_clear |= risen >= self.criteria.lift_m && clear;
+    }
+
+    /// The fingers have closed; the lift begins.
+    pub fn closed(&mut self, world: &World) {
+        self.clauses.opposing_contacts = self.pinched_steps >= self.criteria.pinch_steps();
+        let [right, left] = world.contacts(self.object).fingers.map(|finger| finger.force);
+        self.measures.pinch_n = right.norm().min(left.norm());
+        if self.measures.pinch_n > 0.0 {
+            self.measures.pinch_dot = right.normalize().dot(&left.normalize());
+        }
+        self.held_at = Some(self.gripper_from_object(world));
+        if !self.clauses.opposing_contacts {
+            self.wrong_object =
+                (0..world.object_count()).find(|&other| other != self.object && self.pinches(world, other));
+        }
+    }
+
+    /// The carry is over.
+    pub fn carried(&mut self) {
+        self.measures.clear_s = f64::from(self.clear_steps) / f64::from(STEP_HZ);
+        self.measures.slip_m = self.slip_m.unwrap_or(0.0);
+        self.measures.slip_deg = self.slip_rad.to_degrees();
+        self.clauses.held_after_carry = self.clear_steps >= self.criteria.hold_steps();
+        self.clauses.slip_within = self.slip_m.is_some_and(|slip| slip <= self.criteria.slip_m)
+            && self.slip_rad <= self.criteria.slip_deg.to_radians();
+    }
+
+    fn pinches(&self, world: &World, object: usize) -> bool {
+        world.contacts(object).pinched(self.criteria.finger_force_n, self.criteria.opposing_dot)
+    }
+
+    /// Whether the object touches nothing but the hand.
+    fn is_clear(&self, world: &World) -> bool {
+        let contacts = world.contacts(self.object);
+        contacts.fixtures.is_empty() && contacts.objects.is_empty()
+    }
+
+    fn gripper_from_object(&self, world: &World) -> Isometry3<f64> {
+        world.link_pose(self.gripper_link).inverse() * world.truth(self.object).iso()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::score::tests::empty;
+    use grip_physics::Grip;
+    use grip_sim::pose::Pose;
+    use nalgebra::{UnitQuaternion, Vector3};
+
+    /// A hand above a soup can on the table, and the score watching.
+    struct Bench {
+        world: World,
+        monitor: GraspMonitor,
+        solver: grip_manip::motion::IkSolver,
+        /// All movable joints as they are told.
+        q: Vec<f64>,
+        grip: Grip,
+    }
+
+    impl Bench {
+        /// Fingers open about the can, which stands `aside` metres from between them.
+        fn about_the_can(aside: f64) -> Self {
+            let (setup, _) = empty();
+            let planner = setup.planner();
+            let (hand, criteria) = (setup.cell.config.gripper.link, &setup.settings.success);
+            let solver = grip_manip::motion::IkSolver::new(planner.robot().clone(), &setup.cell.config);
+            let top = setup.cell.scene.table.height + 0.1018;
+            let down = Isometry3::from_parts(
+                [0.6, 0.1, top - 0.002].into(),
+                UnitQuaternion::from_axis_angle(&Vector3::y_axis(), std::f64::consts::FRAC_PI_2),
+            );
+            let base_from_gripper = setup.cell.scene.world_from_base().iso().inverse() * down;
+            let q = solver.solutions(&base_from_gripper, &setup.cell.start, 16, 1, |_| true).remove(0);
+            let mut world = setup.empty_world(q.clone()).unwrap();
+            let can = setup.library.load("005_tomato_soup_can").unwrap();
+            let at = Pose::from_xyz_rpy([0.6 + aside, 0.1, top - 0.0509], [0.0; 3]);
+            world.add_object(can, &at).unwrap();
+            let mut bench = Self {
+                monitor: GraspMonitor::begin(&world, 0, hand, criteria),
+                world,
+                solver,
+                q,
+                grip: Grip::Open { width: 0.1 },
+            };
+            bench.wait(0.5);
+            bench.monitor = GraspMonitor::begin(&bench.world, 0, hand, criteria);
+            bench
+        }
+
+        fn wait(&mut self, seconds: f64) {
+            for _ in 0..(seconds * f64::from(STEP_HZ)) as u32 {
+                self.world.step(&self.q, self.grip);
+                self.monitor.step(&self.world);
+            }
+        }
+
+        fn close(&mut self, seconds: f64) -> &mut Self {
+            self.grip = Grip::Close { force_n: 40.0 };
+            self.wait(seconds);
+            self.monitor.closed(&self.world);
+            self
+        }
+
+        /// Goes on closing without another word to the score.
+        fn close_on(&mut self, seconds: f64) -> &mut Self {
+            self.wait(seconds);
+            self
+        }
+
+        /// Straight up or down at 0.1 m/s.
+        fn lift(&mut self, metres: f64) -> &mut Self {
+            let path =
+                grip_manip::motion::translate(&self.solver, &self.q, Vector3::z() * metres, |_, _| None)
+                    .unwrap();
+            let pause = 10.0 * metres.abs() / (path.waypoints.len() - 1) as f64;
+            for q in &path.waypoints {
+                self.q.clone_from(q);
+                self.wait(pause);
+            }
+            self.wait(0.3);
+            self
+        }
+
+        fn carried(&mut self) -> [bool; 4] {
+            assert!(self.world.stop().is_none(), "{:?}", self.world.stop());
+            self.monitor.carried();
+            let c = self.monitor.clauses;
+            [c.opposing_contacts, c.lifted_clear, c.held_after_carry, c.slip_within]
+        }
+    }
+
+    /// Every clause of the way has a case that physics decides and that fails by it alone.
+    #[test]
+    fn each_clause_of_the_way_can_fail_alone() {
+        let begin = || Bench::about_the_can(0.0);
+        assert_eq!(begin().close(1.5).lift(0.15).carried(), [true; 4]);
+        // The lift began before the fingers pressed.
+        assert_eq!(begin().close(0.02).close_on(1.5).lift(0.15).carried(), [false, true, true, true]);
+        // Two centimetres are no lift.
+        assert_eq!(begin().close(1.5).lift(0.02).carried(), [true, false, true, true]);
+        // Back on the table before the carry was over.
+        assert_eq!(begin().close(1.5).lift(0.15).lift(-0.16).carried(), [true, true, false, true]);
+        // Pushed up in the hand by the table.
+        let slipped = begin().close(1.5).lift(0.06).lift(-0.09).lift(0.15).carried();
+        assert_eq!(slipped, [true, true, true, false]);
+        // Beside the can nothing holds.
+        assert_eq!(Bench::about_the_can(0.12).close(1.5).lift(0.15).carried(), [false; 4]);
+    }
+}

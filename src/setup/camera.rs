@@ -1,0 +1,77 @@
+//! The head camera in the simulated room.
+
+use anyhow::Result;
+use grip_physics::World;
+use grip_sim::camera::Intrinsics;
+use grip_sim::condition::Condition;
+use grip_sim::frame::CameraFrame;
+use grip_sim::pose::{Camera, Pose, World as WorldFrame};
+use grip_sim::render::{self, Bounce, Furniture, RenderScene, Renderer, Rendering};
+use grip_sim::rng;
+use grip_sim::scene::Scene;
+use grip_sim::sensor::{self, SensorSettings, Sensors};
+
+/// A camera, and what it sees of a room beside the robot and the objects.
+#[derive(Clone)]
+pub struct HeadCamera {
+    /// Focal lengths, principal point and size, pixels.
+    pub intrinsics: Intrinsics,
+    /// How its colour and depth differ from the true ones.
+    pub sensors: Sensors,
+    furniture: Furniture,
+    bounce: Bounce,
+    /// Of the run.
+    seed: u64,
+}
+
+impl HeadCamera {
+    /// In a run with `seed`, on which the looks of the room depend.
+    ///
+    /// # Errors
+    /// When the scene names no known noise.
+    pub fn new(scene: &Scene, settings: &SensorSettings, seed: u64) -> grip_sim::Result<Self> {
+        let sensors = settings.sensors(&scene.camera.depth_noise)?;
+        let furniture = render::furniture(&scene.fixtures(), scene.surroundings, seed);
+        let bounce = Bounce::of(&scene.table, furniture.table_albedo);
+        let intrinsics = scene.camera.intrinsics.intrinsics();
+        Ok(Self { intrinsics, sensors, furniture, bounce, seed })
+    }
+
+    /// The same camera in a run with another seed.
+    pub fn with_seed(&self, scene: &Scene, seed: u64) -> Self {
+        let furniture = render::furniture(&scene.fixtures(), scene.surroundings, seed);
+        let bounce = Bounce::of(&scene.table, furniture.table_albedo);
+        Self { furniture, bounce, seed, ..self.clone() }
+    }
+
+    /// Everything there is to see, as it stands now.
+    pub fn view(&self, world: &World) -> RenderScene {
+        let mut view = world.render_scene(&self.furniture.drawn);
+        view.bounce = Some(self.bounce);
+        view
+    }
+
+    /// Takes a picture. `shot` numbers the pictures of a run, so that each has noise of its own.
+    ///
+    /// # Errors
+    /// When the renderer fails.
+    pub fn capture(
+        &self,
+        world: &World,
+        world_from_camera: &Pose<WorldFrame, Camera>,
+        condition: &Condition,
+        renderer: &mut dyn Renderer,
+        shot: usize,
+    ) -> Result<(CameraFrame, Rendering)> {
+        let mut random = rng::stream(self.seed, &format!("sensor/{shot}"));
+        Ok(sensor::capture(
+            renderer,
+            &self.view(world),
+            condition,
+            &self.intrinsics,
+            world_from_camera,
+            &self.sensors,
+            &mut random,
+        )?)
+    }
+}

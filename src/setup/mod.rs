@@ -1,0 +1,241 @@
+//! Everything that a run depends on, read and checked: cell, objects, condition, camera, settings, seed.
+
+mod camera;
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use anyhow::{Context, Result};
+use grip_manip::Planner;
+use grip_manip::grasp::GraspSet;
+use grip_perception::HypothesisRenderer;
+use grip_physics::{Accept, Dropped, World, drop_objects};
+use grip_sim::condition::{Condition, ConditionSpec};
+use grip_sim::frame::CameraFrame;
+use grip_sim::objects::{ObjectLibrary, ObjectModel, resolve_set};
+use grip_sim::render::{Renderer, Rendering};
+use grip_sim::rng;
+use rayon::prelude::*;
+
+pub use self::camera::HeadCamera;
+use crate::assets;
+use crate::cell::Cell;
+use crate::settings::Settings;
+
+/// The scene of packing trials.
+pub const GROCERY: &str = "scenes/grocery.toml";
+/// The scene of the paper's adversarial data set.
+pub const ADVERSARIAL: &str = "scenes/adversarial.toml";
+
+/// What a [`Setup`] is made of. The default is the grocery scene in base light, with the built-in robot and objects.
+#[derive(Debug, Clone)]
+pub struct SetupOptions {
+    /// Scene file.
+    pub scene: PathBuf,
+    /// Condition by name, from the folder `conditions` beside the scene file, or a path to a .toml file.
+    pub condition: String,
+    /// Seed of everything random in the run.
+    pub seed: u64,
+    /// Folder of scanned objects; where none is given, `GRIP_YCB_DIR`; where that is not set, the built-in ones.
+    pub ycb: Option<PathBuf>,
+    /// Another URDF of the robot than the scene's.
+    pub robot: Option<PathBuf>,
+    /// Where `package://` meshes are looked up.
+    pub package_path: Vec<PathBuf>,
+    /// Settings of everything.
+    pub settings: Arc<Settings>,
+}
+
+impl Default for SetupOptions {
+    fn default() -> Self {
+        Self {
+            scene: assets::find(GROCERY),
+            condition: "base".into(),
+            seed: 1,
+            ycb: None,
+            robot: None,
+            package_path: Vec::new(),
+            settings: Arc::default(),
+        }
+    }
+}
+
+/// A resolved run: nothing in it depends on the command line or the file system any more.
+#[derive(Clone)]
+pub struct Setup {
+    /// Table, bin and robot.
+    pub cell: Cell,
+    /// The head camera.
+    pub camera: HeadCamera,
+    /// Light and how objects are placed, as drawn for this run.
+    pub condition: Condition,
+    /// All objects there are.
+    pub library: Arc<ObjectLibrary>,
+    /// The scene's objects, in its order.
+    pub models: Vec<Arc<ObjectModel>>,
+    /// Of everything random.
+    pub seed: u64,
+    /// Of everything.
+    pub settings: Arc<Settings>,
+    /// Who renders pose hypotheses: the CPU, unless it is set to another.
+    pub hypotheses: HypothesisRenderer,
+}
+
+impl Setup {
+    /// Reads all files that `options` name, and draws the run's objects and light from the seed.
+    ///
+    /// # Errors
+    /// When a file is missing or wrong; names file, field, value and what to try.
+    pub fn load(options: &SetupOptions) -> Result<Self> {
+        let mut setup = Self::open(options)?;
+        setup.draw_objects();
+        Ok(setup)
+    }
+
+    /// The same with all objects of the scene, for many runs ([`Setup::with_seed`]).
+    ///
+    /// # Errors
+    /// As [`Setup::load`].
+    pub fn open(options: &SetupOptions) -> Result<Self> {
+        let SetupOptions { scene: path, seed, settings, .. } = options;
+        let cell = Cell::load(path, options.robot.as_deref(), &options.package_path)?;
+        let condition = load_condition(&cell.folder, &options.condition)?;
+        let library = open_library(options.ycb.clone(), &cell.folder)?;
+        let models = cell
+            .scene
+            .objects
+            .names
+            .par_iter()
+            .map(|name| library.load(name).with_context(|| format!("{}: objects.names", path.display())))
+            .collect::<Result<Vec<_>>>()?;
+        let camera = HeadCamera::new(&cell.scene, &settings.sensor, *seed)
+            .with_context(|| format!("{}: camera.depth_noise", path.display()))?;
+        Ok(Self {
+            cell,
+            camera,
+            condition: condition.draw(&mut rng::stream(*seed, "condition")),
+            library: Arc::new(library),
+            models,
+            seed: *seed,
+            settings: settings.clone(),
+            hypotheses: HypothesisRenderer::Cpu,
+        })
+    }
+
+    /// What [`Setup::load`] gives for another seed and condition, from a setup that [`Setup::open`] has read.
+    pub fn with_seed(&self, seed: u64, condition: &ConditionSpec) -> Self {
+        let mut setup = Self {
+            condition: condition.clone().draw(&mut rng::stream(seed, "condition")),
+            seed,
+            camera: self.camera.with_seed(&self.cell.scene, seed),
+            ..self.clone()
+        };
+        setup.draw_objects();
+        setup
+    }
+
+    /// Chooses the run's objects from the scene's.
+    fn draw_objects(&mut self) {
+        let objects = &mut self.cell.scene.objects;
+        let drawn = objects.draw(self.seed);
+        self.models = drawn.iter().map(|&i| self.models[i].clone()).collect();
+        objects.names = drawn.iter().map(|&i| objects.names[i].clone()).collect();
+        objects.count = None;
+    }
+
+    /// The physics world without objects, the robot's joints at `q`.
+    ///
+    /// # Errors
+    /// When the world cannot be built.
+    pub fn empty_world(&self, q: Vec<f64>) -> grip_physics::Result<World> {
+        let Cell { scene, robot, config, .. } = &self.cell;
+        World::new(scene, robot.clone(), config, q, &self.settings.physics)
+    }
+
+    /// Lays the objects out from the seed and settles them.
+    ///
+    /// # Errors
+    /// When they find no room, or the world cannot be built.
+    pub fn drop_objects(&self) -> Result<(World, Dropped)> {
+        let fresh = || self.empty_world(self.cell.start.clone());
+        Ok(drop_objects(
+            &self.cell.scene,
+            &self.models,
+            self.condition.placement,
+            &self.settings.physics.placement,
+            self.seed,
+            Accept::ALL,
+            fresh,
+        )?)
+    }
+
+    /// Takes a picture with the head camera as the robot stands. `shot` numbers the pictures of a run, so that each has
+    /// noise of its own.
+    ///
+    /// # Errors
+    /// When the renderer fails.
+    pub fn capture(
+        &self,
+        world: &World,
+        renderer: &mut dyn Renderer,
+        shot: usize,
+    ) -> Result<(CameraFrame, Rendering)> {
+        let world_from_camera = self.cell.world_from_camera(world.joints());
+        self.camera.capture(world, &world_from_camera, &self.condition, renderer, shot)
+    }
+
+    /// The seed of the consumer `name` in this run.
+    pub fn stream(&self, name: &str) -> u64 {
+        rng::seed(self.seed, name)
+    }
+
+    /// The planner for this robot.
+    pub fn planner(&self) -> Planner {
+        let Cell { robot, config, .. } = &self.cell;
+        Planner::new(robot.clone(), config.clone(), self.settings.planner.clone())
+    }
+
+    /// The same, with the grasps of each object in the scene from the files in `folder`.
+    ///
+    /// # Errors
+    /// When a file is missing or wrong.
+    pub fn planner_with_grasps(&self, folder: Option<&Path>) -> Result<Planner> {
+        let planner = self.planner();
+        let Some(folder) = folder else { return Ok(planner) };
+        for model in &self.models {
+            let file = folder.join(GraspSet::file_name(&model.info.name));
+            let [held, all] = planner.use_grasps(model, &file)?;
+            log::info!("{}: {held} of {all} grasps hold the object", file.display());
+        }
+        Ok(planner)
+    }
+}
+
+/// `objects.toml` in `folder`, else the project's own.
+fn open_library(ycb: Option<PathBuf>, folder: &Path) -> Result<ObjectLibrary> {
+    let beside = folder.join("objects.toml");
+    let table = if grip_sim::files::exists(&beside) { beside } else { assets::find("scenes/objects.toml") };
+    Ok(ObjectLibrary::open(&table, resolve_set(ycb))?)
+}
+
+/// The object library without a scene.
+///
+/// # Errors
+/// When the table of objects, or the folder of scanned ones, is wrong.
+pub fn library(ycb: Option<PathBuf>) -> Result<ObjectLibrary> {
+    Ok(ObjectLibrary::open(&assets::find("scenes/objects.toml"), resolve_set(ycb))?)
+}
+
+/// A path to a file, or a name in the folder `conditions` beside the scene, else in the project's own.
+///
+/// # Errors
+/// When there is no such condition, or its file is wrong.
+pub fn load_condition(folder: &Path, name: &str) -> Result<ConditionSpec> {
+    if name.ends_with(".toml") {
+        return Ok(ConditionSpec::load(Path::new(name))?);
+    }
+    let beside = folder.join("conditions");
+    let conditions =
+        if grip_sim::files::exists(&beside) { beside } else { assets::find("scenes/conditions") };
+    Ok(ConditionSpec::load_named(&conditions, name)?)
+}

@@ -1,0 +1,635 @@
+//! One trial, top to bottom: [`Trial::look`], [`Trial::believe`], [`Trial::choose`], [`Trial::act`], [`Trial::settle`]; again
+//! until nothing is left to pack, and then the score.
+//!
+//! | file | what it holds |
+//! |---|---|
+//! | `port` | the robot port over the physics world, and the score's window on it |
+//! | `belief` | what the robot believes after a look |
+//! | `film` | pictures of a trial from outside |
+//! | `report` | report.html |
+//! | `bop` | what the camera saw, as a BOP data set |
+//!
+//! Scene -> World -> CameraFrame -> Detections -> PosePosterior -> Grasp -> Trajectory -> Outcome -> Score -> Report
+
+mod belief;
+pub mod bop;
+pub mod film;
+mod port;
+pub mod report;
+
+use std::path::PathBuf;
+use std::time::Instant;
+
+use anyhow::{Result, ensure};
+use grip_manip::executor::{ExecutionReport, execute, execute_motion, release_in_place};
+use grip_manip::{PickPlacePlan, PlanStage, Planner, Risk};
+use grip_perception::PosePosterior;
+use grip_physics::World;
+use grip_sim::frame::CameraFrame;
+use grip_sim::images::{LabelImage, RgbImage};
+use grip_sim::pose::{Camera, Object, Pose, World as WorldFrame};
+use grip_sim::render::{Instance, RenderScene, Renderer};
+use nalgebra::Point3;
+
+use self::belief::Belief;
+use self::film::{Film, Strip};
+use self::port::TrialObserver;
+pub(crate) use self::port::{SharedWorld, WorldPort};
+use self::report::LookPictures;
+use crate::estimators::{Estimates, Estimator, Look};
+use crate::pictures;
+use crate::progress::Progress;
+use crate::scenario::Scenario;
+use crate::score::outcome::{ItemTiming, Measures, Outcome, Stage, TRIAL_SCHEMA, Timing, TrialResult};
+use crate::score::record::{ItemRecord, failure_of, finish};
+use crate::score::{self, GraspMonitor, JointLog, Location};
+use crate::setup::Setup;
+
+/// What to run, beside the [`Setup`].
+#[derive(Debug, Clone, Default)]
+pub struct TrialOptions {
+    /// The estimator's name in outputs.
+    pub estimator: String,
+    /// How many of the scene's objects are to be packed, the first of them; all where none is given. The rest is clutter.
+    pub items: Option<usize>,
+    /// The folder of grasp files that the planner was made with, if it was.
+    pub grasps: Option<PathBuf>,
+    /// Which pictures to make for people; nothing else depends on them.
+    pub pictures: Pictures,
+}
+
+/// Pictures of a trial.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub enum Pictures {
+    /// None.
+    #[default]
+    None,
+    /// Every look, every attempt from outside, and the scene at the end.
+    All {
+        /// And an animated replay.
+        record: bool,
+    },
+    /// Attempts from outside.
+    Film,
+    /// The same if not everything was packed.
+    FilmOfFailures,
+}
+
+/// A finished trial.
+pub struct TrialRecord {
+    /// The score.
+    pub result: TrialResult,
+    /// The pictures of every look.
+    pub looks: Vec<LookPictures>,
+    /// What it depended on.
+    pub scenario: Scenario,
+    /// The scene after the last action.
+    pub after: Option<RgbImage>,
+    /// Each attempt from outside.
+    pub strips: Vec<Strip>,
+    /// The animated replay, a GIF.
+    pub replay: Option<Vec<u8>>,
+}
+
+/// A trial that goes on.
+pub struct Trial<'a> {
+    setup: &'a Setup,
+    estimator: &'a Estimator,
+    planner: &'a Planner,
+    renderer: &'a mut dyn Renderer,
+    progress: &'a dyn Progress,
+    options: TrialOptions,
+    scenario: Scenario,
+    started: Instant,
+    items: usize,
+    world: World,
+    /// One an object, in the order of the setup's models.
+    records: Vec<ItemRecord>,
+    /// Where the camera was at each look.
+    cameras: Vec<Pose<WorldFrame, Camera>>,
+    joints: JointLog,
+    film: Film<'a>,
+    looks: Vec<LookPictures>,
+    /// What was handled last, and where everything was when it had come to rest afterwards.
+    handled: Option<(usize, Vec<Location>)>,
+}
+
+/// What a look has shown.
+pub struct Seen {
+    /// What the camera saw.
+    pub frame: CameraFrame,
+    /// The objects that were looked for, positions in the setup's list.
+    pub asked: Vec<usize>,
+    /// What is estimated of them.
+    pub estimates: Estimates,
+    /// ADD and ADD-S of those estimates by object, metres; for the score alone.
+    errors: Vec<Option<(f64, f64)>>,
+}
+
+/// What is to be done next.
+pub struct Choice {
+    /// The object, a position in the setup's list.
+    pub object: usize,
+    /// How.
+    pub plan: PickPlacePlan,
+}
+
+/// An attempt at an object that has been made.
+pub struct Attempt {
+    /// The object, a position in the setup's list.
+    pub object: usize,
+    /// Where everything was before it.
+    locations: Vec<Location>,
+    poses: Vec<Pose<WorldFrame, Object>>,
+}
+
+/// Runs a trial to its end.
+///
+/// # Errors
+/// When rendering, estimation or the world fails; a failed grasp is a result, not an error.
+pub fn run(
+    setup: &Setup,
+    estimator: &Estimator,
+    planner: &Planner,
+    renderer: &mut dyn Renderer,
+    options: TrialOptions,
+    progress: &dyn Progress,
+) -> Result<TrialRecord> {
+    let mut trial = Trial::begin(setup, estimator, planner, renderer, options, progress)?;
+    let mut fruitless = 0;
+    while trial.is_open() && fruitless < setup.settings.trial.max_fruitless_looks {
+        let seen = trial.look()?;
+        let belief = trial.believe(&seen);
+        let choice = trial.choose(&belief, &seen);
+        trial.picture(&seen, choice.as_ref())?;
+        let Some(choice) = choice else {
+            fruitless += 1;
+            continue;
+        };
+        fruitless = 0;
+        let attempt = trial.act(&seen, belief, &choice);
+        trial.settle(&attempt);
+    }
+    trial.finish()
+}
+
+impl<'a> Trial<'a> {
+    /// Lays the scene out.
+    ///
+    /// # Errors
+    /// When the objects find no room, or more items are asked for than there are.
+    pub fn begin(
+        setup: &'a Setup,
+        estimator: &'a Estimator,
+        planner: &'a Planner,
+        renderer: &'a mut dyn Renderer,
+        options: TrialOptions,
+        progress: &'a dyn Progress,
+    ) -> Result<Self> {
+        let started = Instant::now();
+        let most = setup.models.len();
+        let items = options.items.unwrap_or(most);
+        ensure!((1..=most).contains(&items), "{items} items: the scene has {most} objects; give 1 to {most}");
+        progress.message("settling the scene");
+        let (world, dropped) = setup.drop_objects()?;
+        log::info!("scene settled in {:.1} s, {} layouts rejected", dropped.settle_s, dropped.rejected.len());
+        let scenario = Scenario::new(setup, estimator, items, options.grasps.as_deref(), renderer.name())?;
+        Ok(Self {
+            film: Film::new(setup, options.pictures == Pictures::All { record: true }),
+            setup,
+            estimator,
+            planner,
+            renderer,
+            progress,
+            options,
+            scenario,
+            started,
+            items,
+            world,
+            records: vec![ItemRecord::default(); most],
+            cameras: Vec::new(),
+            joints: JointLog::default(),
+            looks: Vec::new(),
+            handled: None,
+        })
+    }
+
+    /// Whether there is an item that is neither packed nor given up.
+    pub fn is_open(&self) -> bool {
+        !self.open_items().is_empty()
+    }
+
+    fn open_items(&self) -> Vec<usize> {
+        let max_attempts = self.setup.settings.trial.max_attempts;
+        (0..self.items).filter(|&i| self.records[i].is_open(max_attempts)).collect()
+    }
+
+    /// The number of the present look, from 0 on.
+    fn number(&self) -> usize {
+        self.cameras.len() - 1
+    }
+
+    /// Looks, estimates everything that is not believed to be in the bin, and looks again at what is.
+    ///
+    /// # Errors
+    /// When renderer, detector or estimator fail.
+    pub fn look(&mut self) -> Result<Seen> {
+        let packed = self.records.iter().filter(|record| record.believed_packed.is_some()).count();
+        self.progress.message(&format!(
+            "look {}: estimating poses ({packed} of {} packed)",
+            self.cameras.len() + 1,
+            self.items
+        ));
+        let (frame, _) = self.setup.capture(&self.world, self.renderer, self.cameras.len())?;
+        self.cameras.push(frame.world_from_camera);
+        let in_bin = |record: &ItemRecord| record.believed_packed.is_some();
+        let (inside, asked): (Vec<usize>, Vec<usize>) =
+            (0..self.records.len()).partition(|&i| in_bin(&self.records[i]));
+        let estimates = self.estimate(&frame, &asked, false)?;
+        let mut errors = vec![None; self.records.len()];
+        for (i, posterior) in &estimates {
+            let record = &mut self.records[*i];
+            record.estimate_s += posterior.seconds;
+            let truth = frame.world_from_camera.inverse() * self.world.truth(*i);
+            errors[*i] = Some(score::pose_errors(self.world.object(*i), &truth, &posterior.best));
+            // After an attempt the errors of the look before it stay.
+            if record.attempts == 0 {
+                record.record_errors(errors[*i]);
+            }
+        }
+        if !inside.is_empty() {
+            let again = self.estimate(&frame, &inside, true)?;
+            self.correct_places(&frame, &again);
+        }
+        Ok(Seen { frame, asked, estimates, errors })
+    }
+
+    /// What the estimator says of the objects `asked`, on the table or in the bin.
+    fn estimate(&self, frame: &CameraFrame, asked: &[usize], in_bin: bool) -> Result<Estimates> {
+        let Self { setup, cameras, world, .. } = self;
+        let look = Look { frame, cameras, models: &setup.models, asked, seed: setup.seed };
+        match self.estimator {
+            Estimator::Perception(perception) if in_bin => perception.look_into_bin(&look),
+            Estimator::Perception(perception) => perception.look(&look),
+            Estimator::Truth => Ok(truth(world, frame, asked)),
+        }
+    }
+
+    /// Corrects where items lie in the bin: things tip over when they are let go, and the next place is planned around them.
+    /// A pose that is not confident, not in the bin, or far from where the item was put is not taken.
+    fn correct_places(&mut self, frame: &CameraFrame, estimates: &Estimates) {
+        let settings = &self.setup.settings.belief;
+        for (i, posterior) in estimates {
+            let record = &mut self.records[*i];
+            record.estimate_s += posterior.seconds;
+            let pose = frame.world_from_camera * posterior.best;
+            let centre = Point3::from(pose.translation());
+            let moved = record
+                .believed_packed
+                .map_or(f64::INFINITY, |put| (put.translation() - centre.coords).norm());
+            if posterior.confidence >= settings.least_confidence
+                && moved < settings.moved_in_bin_m
+                && self.setup.cell.scene.bin.contains(&centre, settings.over_bin_m)
+            {
+                record.believed_packed = Some(pose);
+            }
+        }
+    }
+
+    /// The belief after a look: what was estimated with some confidence, what was put into the bin where it was put, and
+    /// readings that none of these explain.
+    pub fn believe(&self, seen: &Seen) -> Belief {
+        let mut belief = Belief::new(self.setup, &seen.frame, &seen.estimates, &self.records);
+        let joints = self.world.joints();
+        belief.scene.unmodelled = self.planner.unmodelled_obstacles(&belief.scene, &seen.frame, joints);
+        let points = belief.scene.unmodelled.len();
+        log::debug!("look {}: {points} points of unmodelled obstacles", self.number());
+        belief
+    }
+
+    /// Plans for the first open object that can be packed, first what can be picked without a risk in each tier of the
+    /// picking order. What is passed over is told why.
+    pub fn choose(&mut self, belief: &Belief, seen: &Seen) -> Option<Choice> {
+        let open = self.open_items();
+        let mut order = self.planner.pick_order(&belief.scene);
+        order.iter_mut().for_each(|tier| tier.retain(|&b| open.contains(&belief.index[b])));
+        let targets: Vec<usize> = order.iter().flatten().map(|&b| belief.index[b]).collect();
+        for &i in open.iter().filter(|i| !targets.contains(i)) {
+            let (outcome, reason) = if belief.index.contains(&i) {
+                (Outcome::NotGrasped, "fell into the bin while another item was handled".to_owned())
+            } else {
+                let of = seen.estimates.iter().find(|(object, _)| *object == i);
+                let confidence = of.map_or(0.0, |(_, posterior)| posterior.confidence);
+                (Outcome::NotPerceived, format!("confidence {confidence:.2}"))
+            };
+            self.records[i].pass_over(outcome, Stage::Look, reason);
+        }
+        for tier in &order {
+            for risk in [Risk::Averse, Risk::Tolerant] {
+                for &b in tier {
+                    if let Some(choice) = self.plan(belief, b, risk) {
+                        return Some(choice);
+                    }
+                }
+            }
+        }
+        None
+    }
+
+    /// A plan for object `b` of the belief, or a word in its record why there is none.
+    fn plan(&mut self, belief: &Belief, b: usize, risk: Risk) -> Option<Choice> {
+        let (i, number) = (belief.index[b], self.number());
+        let name = &self.setup.models[i].info.name;
+        self.progress.message(&format!("look {}: planning for {name}", number + 1));
+        let clock = Instant::now();
+        let seed = self.setup.stream(&format!("plan/{number}/{i}"));
+        let plan = self.planner.plan_pick_place(&belief.scene, b, self.world.joints(), risk, seed);
+        self.records[i].plan_s += clock.elapsed().as_secs_f64();
+        match plan {
+            Ok(plan) => Some(Choice { object: i, plan }),
+            Err(failure) => {
+                log::debug!("{failure}: {:?}", failure.counters);
+                let outcome = match failure.stage {
+                    PlanStage::NoPlacePose | PlanStage::NoPlaceIk => Outcome::NoPlace,
+                    PlanStage::NoGrasp | PlanStage::NoIk | PlanStage::NoApproach | PlanStage::NoLift => {
+                        Outcome::NoGrasp
+                    }
+                    _ => Outcome::NoPath,
+                };
+                self.records[i].pass_over(outcome, Stage::Plan, failure.to_string());
+                None
+            }
+        }
+    }
+
+    /// Carries the plan out with the score watching, and goes back to where the camera sees the table.
+    pub fn act(&mut self, seen: &Seen, belief: Belief, choice: &Choice) -> Attempt {
+        let i = choice.object;
+        let name = &self.setup.models[i].info.name;
+        self.progress.message(&format!("look {}: packing {name}", self.number() + 1));
+        let attempt = Attempt { object: i, locations: self.locations(), poses: self.world.poses() };
+        self.world.reset_peaks();
+        let (report, monitor) = self.execute(i, &choice.plan);
+        let peak_force_n = self.world.peak_force(i);
+        let record = &mut self.records[i];
+        record.attempts += 1;
+        record.record_errors(seen.errors[i]);
+        if let Some(monitor) = monitor {
+            record.clauses = monitor.clauses;
+            record.measures = Measures { knocked_out: record.measures.knocked_out, ..monitor.measures };
+            record.wrong_object = monitor.wrong_object.is_some();
+            record.wrong_objects += u32::from(record.wrong_object);
+            record.slip_m = monitor.slip_m;
+        }
+        record.close_attempt();
+        record.peak_force_n = record.peak_force_n.max(peak_force_n);
+        record.failure = None;
+        match failure_of(&report) {
+            Some((outcome, stage, reason)) => record.fail_attempt(outcome, stage, reason),
+            None => record.believed_packed = Some(choice.plan.world_from_object_placed()),
+        }
+        let (failed, released) = (record.failure.is_some(), record.believed_packed);
+        if failed {
+            self.release();
+        }
+        self.go_home(belief.after_handling(i, released));
+        attempt
+    }
+
+    /// Carries out a plan for object `i`.
+    fn execute(&mut self, i: usize, plan: &PickPlacePlan) -> (ExecutionReport, Option<GraspMonitor>) {
+        let settings = &self.setup.settings;
+        let hand = self.setup.cell.config.gripper.link;
+        let monitor = Some(GraspMonitor::begin(&self.world, i, hand, &settings.success));
+        self.film.begin(&self.world, &plan.object);
+        let shared = SharedWorld::new(&mut self.world);
+        let mut observer =
+            TrialObserver { world: &shared, monitor, joints: &mut self.joints, film: &mut self.film };
+        let report = execute(&mut WorldPort::new(&shared), plan, &settings.executor, &mut observer);
+        log::debug!("{}: {:?}", plan.object, plan.grasp);
+        for step in &report.steps {
+            log::debug!(
+                "{:?}: {:.2} s to {:.2} s, {:.0} N",
+                step.name,
+                step.begin_s,
+                step.end_s,
+                step.peak_contact_n
+            );
+        }
+        (report, observer.monitor)
+    }
+
+    /// Opens the gripper where it stands, so that nothing is carried about after a failure.
+    fn release(&mut self) {
+        let shared = SharedWorld::new(&mut self.world);
+        let mut observer =
+            TrialObserver { world: &shared, monitor: None, joints: &mut self.joints, film: &mut self.film };
+        let settings = &self.setup.settings.executor;
+        let report = release_in_place(&mut WorldPort::new(&shared), settings, &mut observer);
+        if let Some((.., reason)) = report.failure() {
+            log::info!("letting go: {reason}");
+        }
+    }
+
+    /// Moves the arm back to where the camera sees the table. When no path is found, or the way is blocked, the robot stays
+    /// and the next look has to do with what it sees.
+    fn go_home(&mut self, belief: Belief) {
+        let Setup { cell, settings, .. } = self.setup;
+        let seed = self.setup.stream(&format!("home/{}", self.number()));
+        match self.planner.plan_home(&belief.scene, self.world.joints(), &cell.start, seed) {
+            Ok(trajectory) => {
+                let shared = SharedWorld::new(&mut self.world);
+                let mut port = WorldPort::new(&shared);
+                let mut observer = TrialObserver {
+                    world: &shared,
+                    monitor: None,
+                    joints: &mut self.joints,
+                    film: &mut self.film,
+                };
+                let report = execute_motion(&mut port, &trajectory, &settings.executor, &mut observer);
+                if let Some((.., reason)) = report.failure() {
+                    log::info!("on the way home: {reason}");
+                }
+            }
+            Err(failure) => log::info!("no way home: {failure}"),
+        }
+    }
+
+    /// What still rolls comes to rest; then what the attempt did to the other items is noted.
+    pub fn settle(&mut self, attempt: &Attempt) {
+        let handled = attempt.object;
+        self.world.settle(self.setup.settings.trial.calm_s);
+        let after = self.note_losses(&attempt.locations, handled);
+        self.note_blows();
+        let disturbed_m = self.setup.settings.score.disturbed_m;
+        let moved = self.world.moved_since(&attempt.poses);
+        let record = &mut self.records[handled];
+        for (other, moved) in moved.into_iter().enumerate().filter(|(i, _)| *i != handled) {
+            record.others_moved_m = record.others_moved_m.max(moved);
+            if moved > disturbed_m {
+                record.disturbed[usize::from(attempt.locations[other] == Location::Bin)] += 1;
+            }
+        }
+        self.handled = Some((handled, after));
+    }
+
+    /// Marks what left the table or the bin since `before`, and the item `handled` meanwhile; returns where all are now, so
+    /// that nothing is counted twice.
+    fn note_losses(&mut self, before: &[Location], handled: usize) -> Vec<Location> {
+        let after = self.locations();
+        for other in score::knocked_out(before, &after, handled) {
+            self.records[other].knocked_out = true;
+            self.records[handled].knocked_others = true;
+            self.records[handled].measures.knocked_out += 1;
+        }
+        after
+    }
+
+    /// The largest blow that each item has taken.
+    fn note_blows(&mut self) {
+        for (i, record) in self.records.iter_mut().enumerate() {
+            record.peak_impulse_n_s = record.peak_impulse_n_s.max(self.world.peak_impulse(i));
+        }
+    }
+
+    fn locations(&self) -> Vec<Location> {
+        score::locations(&self.world, &self.setup.cell.scene, &self.setup.settings.success)
+    }
+
+    /// Keeps the pictures of a look, if all are wanted: the believed poses as outlines on the frame.
+    fn picture(&mut self, seen: &Seen, choice: Option<&Choice>) -> Result<()> {
+        if !matches!(self.options.pictures, Pictures::All { .. }) {
+            return Ok(());
+        }
+        let least = self.setup.settings.belief.least_confidence;
+        let frame = &seen.frame;
+        let believed = seen.estimates.iter().filter(|(_, posterior)| posterior.confidence >= least);
+        let outlines = self
+            .outlines(frame, believed.map(|(i, posterior)| (*i, frame.world_from_camera * posterior.best)))?;
+        self.looks.push(LookPictures {
+            caption: match choice {
+                Some(choice) => format!("picks {}", self.setup.models[choice.object].info.name),
+                None => "nothing can be picked".to_string(),
+            },
+            rgb: frame.rgb.clone(),
+            depth: frame.depth.clone(),
+            overlay: pictures::outlines(&frame.rgb, &outlines),
+            asked: seen.asked.clone(),
+            world_from_camera: frame.world_from_camera,
+        });
+        Ok(())
+    }
+
+    /// Labels of objects drawn alone at believed poses, as the camera of `frame` would see them.
+    fn outlines(
+        &mut self,
+        frame: &CameraFrame,
+        believed: impl Iterator<Item = (usize, Pose<WorldFrame, Object>)>,
+    ) -> Result<LabelImage> {
+        let instance = |(i, pose): (usize, Pose<WorldFrame, Object>)| Instance {
+            visual: self.setup.models[i].visual.clone(),
+            pose: *pose.iso(),
+            label: i as u16 + 1,
+        };
+        let scene = RenderScene { instances: believed.map(instance).collect(), bounce: None };
+        let lighting = &self.setup.condition.lighting;
+        let rendering =
+            self.renderer.render(&scene, lighting, &frame.intrinsics, &frame.world_from_camera)?;
+        Ok(rendering.labels)
+    }
+
+    /// Waits until everything is at rest, and scores.
+    ///
+    /// # Errors
+    /// When a picture cannot be drawn.
+    pub fn finish(mut self) -> Result<TrialRecord> {
+        let settings = &self.setup.settings.trial;
+        self.progress.message("settling the bin");
+        self.world.settle(settings.final_settle_s);
+        if let Some((handled, locations)) = self.handled.take() {
+            self.note_losses(&locations, handled);
+        }
+        self.note_blows();
+        let drift_m = self.world.drift(settings.drift_s);
+        let Self { setup, mut records, world, renderer, progress, film, .. } = self;
+        let items = finish(&setup.cell.scene, &world, &setup.settings.success, &mut records, self.items);
+        let packed = items.iter().filter(|item| item.outcome == Outcome::Packed).count();
+        let after = match self.options.pictures {
+            Pictures::All { .. } => Some(setup.capture(&world, renderer, self.cameras.len())?.0.rgb),
+            _ => None,
+        };
+        let strips = match self.options.pictures {
+            Pictures::None => Vec::new(),
+            Pictures::FilmOfFailures if packed == self.items => Vec::new(),
+            _ => film.strips(renderer, progress)?,
+        };
+        let replay = film.replay(renderer, progress)?;
+        let timing =
+            |record: &ItemRecord| ItemTiming { estimate_s: record.estimate_s, plan_s: record.plan_s };
+        let result = TrialResult {
+            schema: TRIAL_SCHEMA.into(),
+            scenario: self.scenario.hash(),
+            seed: setup.seed,
+            scene: setup.cell.scene.name.clone(),
+            condition: setup.condition.name.clone(),
+            estimator: self.options.estimator,
+            detector: self.estimator.detector().into(),
+            object_set: setup.library.set().label().into(),
+            renderer: renderer.name().into(),
+            hypotheses: setup.hypotheses.name().into(),
+            requested: self.items,
+            score: score::fill(&setup.cell, &setup.settings.score, &world, &records, &items, drift_m),
+            packed,
+            motion_check: self.joints.check(self.planner, &setup.cell.empty_belief()),
+            sim_s: world.time(),
+            items,
+            state_hash: world.state_hash(),
+            timing: Some(Timing {
+                wall_s: self.started.elapsed().as_secs_f64(),
+                items: records.iter().take(self.items).map(timing).collect(),
+            }),
+        };
+        Ok(TrialRecord { result, scenario: self.scenario, looks: self.looks, after, strips, replay })
+    }
+}
+
+/// Perfect posteriors of the objects `asked`.
+fn truth(world: &World, frame: &CameraFrame, asked: &[usize]) -> Estimates {
+    let camera_from_world = frame.world_from_camera.inverse();
+    let certain = |&i: &usize| {
+        let pose = camera_from_world * world.truth(i);
+        (i, PosePosterior::certain(&world.object(i).info.name, pose))
+    };
+    asked.iter().map(certain).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::setup::SetupOptions;
+    use grip_sim::render::{RendererChoice, open};
+
+    #[test]
+    fn an_object_that_is_not_believed_is_an_obstacle_where_it_stands() {
+        let setup = Setup::load(&SetupOptions { seed: 4, ..SetupOptions::default() }).unwrap();
+        let (world, _) = setup.drop_objects().unwrap();
+        let mut renderer = open(RendererChoice::Cpu).unwrap();
+        let (frame, _) = setup.capture(&world, renderer.as_mut(), 0).unwrap();
+        let planner = setup.planner();
+        let seen_without = |left_out: Option<usize>| {
+            let asked: Vec<usize> = (0..setup.models.len()).filter(|i| Some(*i) != left_out).collect();
+            let records = vec![ItemRecord::default(); setup.models.len()];
+            let belief = Belief::new(&setup, &frame, &truth(&world, &frame, &asked), &records);
+            planner.unmodelled_obstacles(&belief.scene, &frame, world.joints())
+        };
+        assert_eq!(seen_without(None), [], "everything is known");
+        for i in 0..setup.models.len() {
+            let seen = seen_without(Some(i));
+            let name = &setup.models[i].info.name;
+            assert!(seen.len() > 8, "{name}: {}", seen.len());
+            let centre = world.truth(i).translation();
+            let reach = setup.models[i].diameter / 2.0 + 0.02;
+            assert!(seen.iter().all(|p| (p.coords - centre).norm() < reach), "{name}");
+        }
+    }
+}

@@ -1,0 +1,243 @@
+//! `grip estimate` and `grip eval`: the same poses on any number of threads and after any stop, errors that another
+//! implementation finds too, and what is wrong with a file said by name.
+
+use std::path::{Path, PathBuf};
+
+use crate::common::{self, code, grip, root, stderr, stdout};
+
+/// A data set of one scene: a spread layout and a heap.
+fn data_set(folder: &Path) -> PathBuf {
+    let out = folder.join("set");
+    let scene = root().join("scenes/adversarial.toml");
+    let args =
+        ["scenes", scene.to_str().unwrap(), "--scenes", "1", "--views", "B,O1", "--seed", "11", "--out"];
+    let output = grip(&[&args[..], &[out.to_str().unwrap()]].concat());
+    assert_eq!(code(&output), 0, "{}", stderr(&output));
+    out
+}
+
+/// Lines of a results file without the time, which is measured.
+fn poses(path: &Path) -> Vec<String> {
+    let text = std::fs::read_to_string(path).unwrap();
+    text.lines().map(|line| line.rsplit_once(',').unwrap().0.to_owned()).collect()
+}
+
+fn eval(set: &Path, results: &Path, more: &[&str]) -> serde_json::Value {
+    let output =
+        grip(&[&["eval", set.to_str().unwrap(), results.to_str().unwrap(), "--json"], more].concat());
+    assert_eq!(code(&output), 0, "{}", stderr(&output));
+    serde_json::from_str(&stdout(&output)).unwrap()
+}
+
+/// A results file that says the truth, moved by this much along the camera's x, millimetres.
+fn truth(set: &Path, shift_mm: f64) -> String {
+    let text = std::fs::read_to_string(set.join("test/000001/scene_gt.json")).unwrap();
+    let images: serde_json::Value = serde_json::from_str(&text).unwrap();
+    let mut lines = "scene_id,im_id,obj_id,score,R,t,time\n".to_owned();
+    for (image, truths) in images.as_object().unwrap() {
+        for truth in truths.as_array().unwrap() {
+            let numbers = |key: &str| -> Vec<f64> {
+                truth[key].as_array().unwrap().iter().map(|x| x.as_f64().unwrap()).collect()
+            };
+            let join = |n: &[f64]| n.iter().map(f64::to_string).collect::<Vec<_>>().join(" ");
+            let mut t = numbers("cam_t_m2c");
+            t[0] += shift_mm;
+            let r = join(&numbers("cam_R_m2c"));
+            lines += &format!("1,{image},{},0.5,{r},{},-1\n", truth["obj_id"], join(&t));
+        }
+    }
+    lines
+}
+
+#[test]
+fn poses_are_the_same_on_any_number_of_threads_and_after_a_stop_and_their_errors_are_right() {
+    let folder = tempfile::tempdir().unwrap();
+    let set = data_set(folder.path());
+    let estimate = |out: &Path, more: &[&str]| {
+        let args = ["estimate", set.to_str().unwrap(), "--boxes", "gt", "--out", out.to_str().unwrap()];
+        grip(&[&args[..], more].concat())
+    };
+    let (one, two) = (folder.path().join("one.csv"), folder.path().join("two.csv"));
+    let output = estimate(&one, &["--jobs", "1", "--json"]);
+    assert_eq!(code(&output), 0, "{}", stderr(&output));
+    let summary: serde_json::Value = serde_json::from_str(&stdout(&output)).unwrap();
+    assert_eq!((&summary["schema"], &summary["images"]), (&"grip.estimate/1".into(), &2.into()));
+    // With boxes of the truth and the models themselves, geometry is found to millimetres.
+    let errors = folder.path().join("errors.csv");
+    let json = eval(&set, &one, &["--errors", errors.to_str().unwrap()]);
+    let area = json["all"]["auc_adds"][0].as_f64().unwrap();
+    println!("{}", json["all"]);
+    assert!(area > 0.8, "{area}");
+    assert_eq!(json["conditions"].as_object().unwrap().keys().collect::<Vec<_>>(), ["B", "O1"]);
+    let figures = folder.path().join("eval.json");
+    std::fs::write(&figures, json.to_string()).unwrap();
+    common::python("check_errors.py", "numpy, PIL", &[&set, &one, &errors, &figures]);
+
+    // As a kill leaves it: the first image whole, the last line cut off.
+    let lines = std::fs::read_to_string(&one).unwrap();
+    let output = estimate(&two, &["--jobs", "2"]);
+    assert_eq!(code(&output), 0, "{}", stderr(&output));
+    assert_eq!(poses(&one), poses(&two));
+    let described = serde_json::json!({"another": "run"});
+    let partial = folder.path().join("two.csv.partial");
+    assert!(!partial.exists());
+    std::fs::write(&partial, format!("# {described}\n")).unwrap();
+    let output = estimate(&two, &["--resume"]);
+    assert_eq!(code(&output), 2);
+    assert!(stderr(&output).contains("other settings"), "{}", stderr(&output));
+
+    let half: Vec<&str> = lines.lines().skip(1).collect();
+    let first = half.iter().filter(|line| line.starts_with("1,0,")).copied().collect::<Vec<_>>().join("\n");
+    let settings = format!("# {}", summary["settings"]);
+    std::fs::write(&partial, format!("{settings}\n{first}\n1,1,5,0.3")).unwrap();
+    let output = estimate(&two, &["--resume", "--json"]);
+    assert_eq!(code(&output), 0, "{}", stderr(&output));
+    let resumed: serde_json::Value = serde_json::from_str(&stdout(&output)).unwrap();
+    assert_eq!((&resumed["images"], &resumed["kept"]), (&1.into(), &1.into()));
+    assert_eq!(poses(&one), poses(&two));
+
+    // The truth has no error, and a shift is its own ADD.
+    let given = folder.path().join("given.csv");
+    std::fs::write(&given, truth(&set, 0.0)).unwrap();
+    let exact = eval(&set, &given, &[]);
+    assert!((exact["all"]["auc_add"][0].as_f64().unwrap() - 1.0).abs() < 1e-6);
+    std::fs::write(&given, truth(&set, 10.0)).unwrap();
+    let json = eval(&set, &given, &["--errors", errors.to_str().unwrap()]);
+    assert!((json["all"]["auc_add"][0].as_f64().unwrap() - 0.75).abs() < 1e-6, "{}", json["all"]);
+    assert!((json["all"]["auc_add"][1].as_f64().unwrap() - 0.9).abs() < 1e-6);
+    assert!(json["all"]["auc_adds"][0].as_f64().unwrap() > 0.75);
+    std::fs::write(&figures, json.to_string()).unwrap();
+    common::python("check_errors.py", "numpy, PIL", &[&set, &given, &errors, &figures]);
+
+    for (content, expected) in [
+        ("1,0,5,0.5\n", "line 1: has 4 fields"),
+        ("7,0,5,0.5,1 0 0 0 1 0 0 0 1,0 0 900,-1\n", "another data set"),
+    ] {
+        std::fs::write(&given, content).unwrap();
+        let output = grip(&["eval", set.to_str().unwrap(), given.to_str().unwrap()]);
+        assert_eq!(code(&output), 2);
+        assert!(stderr(&output).contains(expected), "{}", stderr(&output));
+    }
+    let output = grip(&["estimate", set.to_str().unwrap(), "--boxes", "guess", "--out", "x.csv"]);
+    assert_eq!(code(&output), 2);
+    assert!(stderr(&output).contains("--boxes guess"), "{}", stderr(&output));
+
+    // Hypotheses on a graphics adapter, where there is one: found as well, and the outputs say where.
+    let settings = folder.path().join("settings.toml");
+    std::fs::write(&settings, "[perception.grip.restarts]\nmost = 1").unwrap();
+    let gpu = folder.path().join("gpu.csv");
+    let output = estimate(&gpu, &["--hypotheses", "gpu", "--json", "--settings", settings.to_str().unwrap()]);
+    if code(&output) == 2 && std::env::var_os("GRIP_REQUIRE_ADAPTER").is_none() {
+        assert!(stderr(&output).contains("--hypotheses cpu"), "{}", stderr(&output));
+        println!("SKIPPED estimating on the GPU: {}", stderr(&output));
+    } else {
+        assert_eq!(code(&output), 0, "{}", stderr(&output));
+        let summary: serde_json::Value = serde_json::from_str(&stdout(&output)).unwrap();
+        assert!(summary["settings"]["hypotheses"].as_str().unwrap().starts_with("gpu: "), "{summary}");
+        let json = eval(&set, &gpu, &[]);
+        println!("on the GPU, one search an object: {}", json["all"]);
+        assert!(json["all"]["auc_adds"][0].as_f64().unwrap() > 0.7, "{}", json["all"]);
+    }
+    let output = estimate(&gpu, &["--hypotheses", "gpu", "--estimator", "paper"]);
+    assert_eq!(code(&output), 2);
+    assert!(stderr(&output).contains("--hypotheses gpu: the paper's filter"), "{}", stderr(&output));
+
+    // The paper's filter, by other settings than the published ones.
+    let paper = |text: &str, jobs: &str, out: &str| {
+        std::fs::write(&settings, format!("[perception.paper_guarded]\n{text}")).unwrap();
+        let out = folder.path().join(out);
+        let paths = [&set, &settings, &out].map(|path| path.to_str().unwrap());
+        let [set, settings, out_text] = paths;
+        let output = grip(&[
+            "estimate",
+            set,
+            "--settings",
+            settings,
+            "--out",
+            out_text,
+            "--boxes",
+            "gt",
+            "--jobs",
+            jobs,
+            "--estimator",
+            "paper-guarded",
+            "--json",
+        ]);
+        (out, output)
+    };
+    let (one, output) = paper("samples = 60\niterations = 20", "1", "paper-1.csv");
+    assert_eq!(code(&output), 0, "{}", stderr(&output));
+    let summary: serde_json::Value = serde_json::from_str(&stdout(&output)).unwrap();
+    let used = &summary["settings"]["settings"];
+    assert_eq!((&used["samples"], &used["keep_best"]), (&60.into(), &true.into()));
+    let (four, _) = paper("samples = 60\niterations = 20", "4", "paper-4.csv");
+    assert_eq!(poses(&one), poses(&four));
+    for (text, expected) in [
+        ("sample = 60", "perception.paper_guarded.sample: unknown field `sample`"),
+        ("samples = \"many\"", "perception.paper_guarded.samples: invalid type"),
+        ("samples = 0", "perception.paper_guarded.samples = 0: 1 to 100000"),
+        ("alpha_b = 0.5", "with a sum of 1"),
+        ("60", "line 2"),
+    ] {
+        let (out, output) = paper(text, "1", "paper-bad.csv");
+        assert_eq!(code(&output), 2, "{text}");
+        assert!(stderr(&output).contains(expected), "{text}: {}", stderr(&output));
+        assert!(!out.exists());
+    }
+}
+
+#[test]
+fn objects_that_are_not_there_are_looked_for_and_not_believed() {
+    let folder = tempfile::tempdir().unwrap();
+    let set = data_set(folder.path());
+    let out = folder.path().join("absent.csv");
+    let args = ["estimate", set.to_str().unwrap(), "--boxes", "jittered", "--absent", "3", "--out"];
+    let output = grip(&[&args[..], &[out.to_str().unwrap()]].concat());
+    assert_eq!(code(&output), 0, "{}", stderr(&output));
+    let json = eval(&set, &out, &[]);
+    let presence = &json["presence"];
+    // Three in each of the two images; they are no estimates too many.
+    assert_eq!((&presence["absent"], &json["ignored"]), (&6.into(), &0.into()));
+    assert_eq!(presence["present"], json["all"]["estimated"]);
+    assert_eq!(poses(&out).len() as u64, 1 + 6 + presence["present"].as_u64().unwrap());
+    let auroc = presence["auroc"].as_f64().unwrap();
+    assert!(auroc > 0.9, "{presence}");
+    let roc = presence["roc"].as_array().unwrap();
+    assert_eq!(roc.last().unwrap(), &serde_json::json!([1.0, 1.0]));
+
+    let output = grip(&[&args[..5], &["101", "--out", out.to_str().unwrap()]].concat());
+    assert_eq!(code(&output), 2);
+    assert!(stderr(&output).contains("--absent"), "{}", stderr(&output));
+}
+
+/// YCB-Video's frame of a real camera: depth in tenths of a millimetre, models in millimetres, objects that hide each other.
+#[test]
+fn objects_of_a_real_frame_are_found() {
+    let set = root().join("../shared/data/ycbv-real-frame");
+    if !set.exists() {
+        println!("SKIPPED: {} is not there", set.display());
+        return;
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let mut adds_mm = Vec::new();
+    for seed in ["1", "2", "3"] {
+        let out = folder.path().join("results.csv");
+        let args = ["estimate", set.to_str().unwrap(), "--boxes", "gt", "--seed", seed, "--out"];
+        let output = grip(&[&args[..], &[out.to_str().unwrap()]].concat());
+        assert_eq!(code(&output), 0, "{}", stderr(&output));
+        let errors = folder.path().join("errors.csv");
+        let json = eval(&set, &out, &["--errors", errors.to_str().unwrap()]);
+        println!("seed {seed}: {}", json["all"]);
+        let area = json["all"]["auc_adds"][0].as_f64().unwrap();
+        assert!(area >= 0.88, "seed {seed}: {area}");
+        let text = std::fs::read_to_string(&errors).unwrap();
+        let column = text.lines().next().unwrap().split(',').position(|name| name == "adds_mm").unwrap();
+        adds_mm.extend(
+            text.lines().skip(1).map(|line| line.split(',').nth(column).unwrap().parse::<f64>().unwrap()),
+        );
+        std::fs::remove_file(&out).unwrap();
+    }
+    assert_eq!(adds_mm.len(), 15);
+    let near = adds_mm.iter().filter(|&&error| error < 10.0).count();
+    assert!(near >= 14, "{near} of 15 within a centimetre: {adds_mm:?}");
+}

@@ -1,0 +1,19 @@
+//! Tests of the whole: the command as a user runs it, and the library under it. One program, since each links everything.
+
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::print_stdout, reason = "tests")]
+
+mod cli;
+mod common;
+mod detect;
+mod estimate;
+mod examples;
+mod experiments;
+mod explain;
+mod figures;
+mod golden;
+mod init;
+mod metrics;
+mod pack;
+mod plan;
+mod renderers;
+mod scenes;
