@@ -78,7 +78,7 @@ impl Scenario {
             robot.remove("config");
         }
         // The maps of serde_json are sorted by their keys.
-        hex(&Sha256::digest(value.to_string()))
+        format!("{:x}", Sha256::digest(value.to_string()))
     }
 }
 
@@ -103,13 +103,8 @@ pub fn robot(setup: &Setup) -> Value {
         "name": setup.cell.robot.name(),
         "path": setup.cell.robot.source(),
         "sha256": robot_digest(&setup.cell.robot),
-        "config_sha256": hex(&Sha256::digest(format!("{:?}", setup.cell.config))),
+        "config_sha256": format!("{:x}", Sha256::digest(format!("{:?}", setup.cell.config))),
     })
-}
-
-/// Bytes as text.
-pub fn hex(bytes: &[u8]) -> String {
-    bytes.iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
 /// Of an object's shape and looks; its other properties are written out.
@@ -117,7 +112,7 @@ fn mesh_digest(model: &ObjectModel) -> String {
     let mut hasher = Sha256::new();
     add_visual(&mut hasher, &model.visual);
     hasher.update(format!("{:?}", model.collision));
-    hex(&hasher.finalize())
+    format!("{:x}", hasher.finalize())
 }
 
 /// Of the robot's kinematics, solids and looks.
@@ -131,7 +126,7 @@ fn robot_digest(robot: &RobotModel) -> String {
             add_visual(&mut hasher, &part.visual);
         }
     }
-    hex(&hasher.finalize())
+    format!("{:x}", hasher.finalize())
 }
 
 fn add_visual(hasher: &mut Sha256, visual: &Visual) {
@@ -159,7 +154,7 @@ fn grasps_digest(folder: &Path, models: &[Arc<ObjectModel>]) -> Result<String> {
         hasher.update(&model.info.name);
         hasher.update(bytes);
     }
-    Ok(hex(&hasher.finalize()))
+    Ok(format!("{:x}", hasher.finalize()))
 }
 
 #[cfg(test)]

@@ -17,7 +17,6 @@ use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
 use crate::estimators::NetworkOptions;
-use crate::scenario::hex;
 
 /// Standard deviation by which each side of a jittered box moves, as a share of the box's width or height.
 const JITTER: f64 = 0.1;
@@ -219,7 +218,7 @@ fn read(path: &Path) -> Result<Boxes> {
     for entry in list {
         by_image.entry((entry.scene_id, entry.image_id)).or_default().push(entry);
     }
-    Ok(Boxes::File { boxes: by_image, sha256: hex(&Sha256::digest(text)) })
+    Ok(Boxes::File { boxes: by_image, sha256: format!("{:x}", Sha256::digest(text)) })
 }
 
 /// The box of what is seen of an instance, else of its whole projection; `None` where it is out of sight.

@@ -11,7 +11,6 @@ use serde_json::{Value, json};
 use sha2::{Digest, Sha256};
 
 use super::{Estimates, Look, Perception};
-use crate::scenario::hex;
 
 /// Poses that anyone estimated, from a results file in BOP's format: `scene_id` is the trial's seed, `im_id` the number of
 /// the look, from 0 on.
@@ -38,7 +37,7 @@ impl Recorded {
             let look = (u64::from(estimate.scene_id), estimate.im_id as usize);
             by_look.entry(look).or_default().push(estimate);
         }
-        Ok(Self { path: path.to_path_buf(), sha256: hex(&Sha256::digest(bytes)), by_look })
+        Ok(Self { path: path.to_path_buf(), sha256: format!("{:x}", Sha256::digest(bytes)), by_look })
     }
 
     /// Whether the file has a row for a trial with this seed.

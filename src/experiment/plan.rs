@@ -13,7 +13,7 @@ use serde_json::Value;
 use sha2::{Digest, Sha256};
 
 use crate::estimators::{DetectorKind, Estimator, EstimatorKind, NetworkOptions, Recorded};
-use crate::scenario::{Scenario, hex, program};
+use crate::scenario::{Scenario, program};
 use crate::score::outcome::TrialResult;
 use crate::setup::{self, Setup, SetupOptions};
 
@@ -349,7 +349,7 @@ pub fn begin(out: &Path, name: &str, schema: &str, manifest: &Value, resume: boo
 /// SHA-256 of this program's file: results of different builds may differ in last bits. None where it cannot be read.
 pub fn build() -> Option<String> {
     let bytes = std::fs::read(std::env::current_exe().ok()?).ok()?;
-    Some(hex(&Sha256::digest(bytes)))
+    Some(format!("{:x}", Sha256::digest(bytes)))
 }
 
 fn no_name_twice(names: &[String], option: &str) -> Result<()> {

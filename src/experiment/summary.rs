@@ -161,7 +161,7 @@ pub(crate) mod tests {
             requested: items.len(),
             packed: items.iter().filter(|i| i.1).count(),
             sim_s: 0.0,
-            score: crate::score::ScoreCard::default(),
+            score: crate::score::outcome::ScoreCard::default(),
             motion_check: crate::score::MotionCheck::default(),
             items: items.iter().map(item).collect(),
             state_hash: String::new(),

@@ -1,82 +1,14 @@
 //! The score card of a trial, beside what was packed: what an attempt did to other items, what the items suffered, and what
 //! the bin looks like in the end (Wang and Hauser 2018, and the practice of published packing trials).
 
-use std::fmt;
-
 use grip_manip::place::bin_map;
 use grip_manip::{BeliefScene, BelievedObject};
 use grip_physics::World;
-use serde::{Deserialize, Serialize};
 
-use super::outcome::{ItemResult, Outcome};
+use super::outcome::{BadPack, ItemResult, Outcome, ScoreCard};
 use super::record::ItemRecord;
 use crate::cell::Cell;
 use crate::settings::ScoreSettings;
-
-/// What a trial was like. Nothing here decides whether an item was packed; that is what [`super::outcome::Clauses`] are for.
-#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
-pub struct ScoreCard {
-    /// Attempts at all items.
-    pub attempts: u32,
-    /// Attempts that lost the item between the lift and the release.
-    pub lost_in_transit: u32,
-    /// Attempts in which the fingers closed on another object.
-    pub wrong_objects: u32,
-    /// Items on the table of which a point moved by more than a centimetre while another item was handled, once an attempt.
-    pub disturbed: u32,
-    /// The same for items that lay in the bin.
-    pub disturbed_in_bin: u32,
-    /// Items that took a larger blow than a fall gives that does them no harm (`scenes/objects.toml`, fragility).
-    pub rough: u32,
-    /// Items in the bin that must stand and do not.
-    pub not_upright: u32,
-    /// Pairs in the bin of which the upper one rests on one that must not bear it.
-    pub bad_packs: Vec<BadPack>,
-    /// Volume of the items in the bin over the volume below the height map of their tops; none when it is empty.
-    pub density: Option<f64>,
-    /// Farthest that a point of any item moved in the second after everything had come to rest, metres.
-    pub drift_m: f64,
-}
-
-/// Something heavy on something that breaks.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
-pub struct BadPack {
-    /// What rests.
-    pub above: String,
-    /// What it rests on.
-    pub below: String,
-}
-
-impl fmt::Display for ScoreCard {
-    /// In one line.
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let density = self.density.map_or("-".to_string(), |d| format!("{d:.2}"));
-        write!(
-            f,
-            "{} attempts, {} lost in transit, {} wrong objects; {} items disturbed on the table, {} in the bin; \
-             {} handled roughly, {} not upright, {} bad packs; density {density}, drift {:.1} mm",
-            self.attempts,
-            self.lost_in_transit,
-            self.wrong_objects,
-            self.disturbed,
-            self.disturbed_in_bin,
-            self.rough,
-            self.not_upright,
-            self.bad_packs.len(),
-            1e3 * self.drift_m
-        )?;
-        for pack in &self.bad_packs {
-            write!(f, "; {} lies on {}", pack.above, pack.below)?;
-        }
-        Ok(())
-    }
-}
-
-/// The largest blow that does an object no harm: its momentum after a harmless fall, newton seconds.
-pub fn harmless_impulse(world: &World, index: usize) -> f64 {
-    let info = &world.object(index).info;
-    info.mass_kg * (2.0 * 9.81 * info.fragility.harmless_fall_m()).sqrt()
-}
 
 /// Fills the card when everything has come to rest. `items` are the results of the items that were asked for.
 pub fn fill(
@@ -105,7 +37,7 @@ pub fn fill(
         disturbed: sum(|l| l.disturbed[0]),
         disturbed_in_bin: sum(|l| l.disturbed[1]),
         rough: (0..world.object_count())
-            .filter(|&i| records[i].peak_impulse_n_s > harmless_impulse(world, i))
+            .filter(|&i| records[i].peak_impulse_n_s > world.object(i).info.harmless_impulse_n_s())
             .count() as u32,
         not_upright: inside.iter().filter(|&&i| !items[i].clauses.upright).count() as u32,
         bad_packs: bad_packs(world, &inside, settings.resting_n),
@@ -192,7 +124,7 @@ mod tests {
         let expected = block.info.mass_kg * (2.0 * 9.81 * 0.04_f64).sqrt();
         let measured = world.peak_impulse(0);
         assert!((0.85..1.35).contains(&(measured / expected)), "{measured} against {expected} N s");
-        assert!(measured < harmless_impulse(&world, 0), "a wood block takes half a metre");
+        assert!(measured < block.info.harmless_impulse_n_s(), "a wood block takes half a metre");
     }
 
     #[test]

@@ -6,7 +6,7 @@
 //! | `record` | what is known of each item while a trial goes on, and the verdict that it leaves |
 //! | `monitor` | [`GraspMonitor`]: follows one attempt step by step |
 //! | `location` | where items are: on the table, in the bin, lost |
-//! | `card` | [`ScoreCard`]: what a trial was like beside what was packed |
+//! | `card` | fills the score card: what a trial was like beside what was packed |
 //! | `motion_check` | collisions of all motions, by the exact checker |
 //!
 //! [`pose_errors`] compares an estimate with where the object really is. Nothing here flows back to perception or planning.
@@ -25,7 +25,6 @@ use grip_sim::pose::{Camera, Object, Pose};
 use nalgebra::{Point3, Vector3};
 
 pub(crate) use self::card::fill;
-pub use self::card::{BadPack, ScoreCard, harmless_impulse};
 pub use self::location::{Location, below_edge_m, in_bin, knocked_out, locations};
 pub use self::monitor::GraspMonitor;
 pub use self::motion_check::{JointLog, Meeting, MotionCheck};

@@ -1,8 +1,9 @@
 //! What a trial produced, as plain data: the schema of result.json and of `--json`.
 
+use std::fmt;
+
 use serde::{Deserialize, Serialize};
 
-use super::card::ScoreCard;
 use super::motion_check::MotionCheck;
 
 /// Version of the trial result; changes with every change that could break a reader.
@@ -204,6 +205,65 @@ pub struct FailedAttempt {
     pub stage: Stage,
     /// In words.
     pub reason: String,
+}
+
+/// What a trial was like. Nothing here decides whether an item was packed; that is what [`Clauses`] are for.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+pub struct ScoreCard {
+    /// Attempts at all items.
+    pub attempts: u32,
+    /// Attempts that lost the item between the lift and the release.
+    pub lost_in_transit: u32,
+    /// Attempts in which the fingers closed on another object.
+    pub wrong_objects: u32,
+    /// Items on the table of which a point moved by more than a centimetre while another item was handled, once an attempt.
+    pub disturbed: u32,
+    /// The same for items that lay in the bin.
+    pub disturbed_in_bin: u32,
+    /// Items that took a larger blow than a fall gives that does them no harm (`scenes/objects.toml`, fragility).
+    pub rough: u32,
+    /// Items in the bin that must stand and do not.
+    pub not_upright: u32,
+    /// Pairs in the bin of which the upper one rests on one that must not bear it.
+    pub bad_packs: Vec<BadPack>,
+    /// Volume of the items in the bin over the volume below the height map of their tops; none when it is empty.
+    pub density: Option<f64>,
+    /// Farthest that a point of any item moved in the second after everything had come to rest, metres.
+    pub drift_m: f64,
+}
+
+/// Something heavy on something that breaks.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct BadPack {
+    /// What rests.
+    pub above: String,
+    /// What it rests on.
+    pub below: String,
+}
+
+impl fmt::Display for ScoreCard {
+    /// In one line.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let density = self.density.map_or("-".to_string(), |d| format!("{d:.2}"));
+        write!(
+            f,
+            "{} attempts, {} lost in transit, {} wrong objects; {} items disturbed on the table, {} in the bin; \
+             {} handled roughly, {} not upright, {} bad packs; density {density}, drift {:.1} mm",
+            self.attempts,
+            self.lost_in_transit,
+            self.wrong_objects,
+            self.disturbed,
+            self.disturbed_in_bin,
+            self.rough,
+            self.not_upright,
+            self.bad_packs.len(),
+            1e3 * self.drift_m
+        )?;
+        for pack in &self.bad_packs {
+            write!(f, "; {} lies on {}", pack.above, pack.below)?;
+        }
+        Ok(())
+    }
 }
 
 /// A whole trial.

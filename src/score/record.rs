@@ -5,7 +5,6 @@ use grip_physics::World;
 use grip_sim::pose::{Object, Pose, World as WorldFrame};
 use grip_sim::scene::Scene;
 
-use super::card::harmless_impulse;
 use super::outcome::{Clauses, FailedAttempt, FirstAttempt, ItemResult, Measures, Outcome, Stage};
 use super::{below_edge_m, in_bin, tilt_deg, upright};
 use crate::settings::SuccessCriteria;
@@ -134,7 +133,7 @@ pub fn finish(
                 slip_m: record.slip_m,
                 peak_force_n: record.peak_force_n,
                 peak_impulse_n_s: record.peak_impulse_n_s,
-                harmless_impulse_n_s: harmless_impulse(world, i),
+                harmless_impulse_n_s: world.object(i).info.harmless_impulse_n_s(),
                 others_moved_m: record.others_moved_m,
                 first_attempt: record.first_attempt,
                 failed_attempts: record.failed_attempts.clone(),

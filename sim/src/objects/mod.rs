@@ -117,6 +117,13 @@ pub struct ObjectInfo {
     pub half_turns: Vec<Axis>,
 }
 
+impl ObjectInfo {
+    /// The largest blow that does the object no harm: its momentum after a harmless fall, newton seconds.
+    pub fn harmless_impulse_n_s(&self) -> f64 {
+        self.mass_kg * (2.0 * 9.81 * self.fragility.harmless_fall_m()).sqrt()
+    }
+}
+
 /// An object: facts, looks and solid. Immutable.
 #[derive(Debug, Clone)]
 pub struct ObjectModel {
