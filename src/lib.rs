@@ -60,3 +60,8 @@ pub mod settings;
 pub mod setup;
 pub mod trial;
 pub mod workers;
+
+/// The README's program is compiled.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

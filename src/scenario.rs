@@ -5,17 +5,83 @@ use std::sync::Arc;
 
 use anyhow::{Context, Result};
 use grip_manip::grasp::GraspSet;
+use grip_sim::camera::Intrinsics;
+use grip_sim::condition::Condition;
 use grip_sim::mesh::Visual;
+use grip_sim::objects::ObjectInfo;
 use grip_sim::objects::ObjectModel;
 use grip_sim::robot::RobotModel;
-use serde_json::{Value, json};
+use grip_sim::scene::Scene;
+use schemars::JsonSchema;
+use serde::Serialize;
+use serde_json::Value;
 use sha2::{Digest, Sha256};
 
 use crate::estimators::Estimator;
+use crate::settings::Settings;
 use crate::setup::Setup;
 
 /// Version of scenario.json.
-const SCHEMA: &str = "grip.scenario/3";
+pub const SCHEMA: &str = "grip.scenario/3";
+
+/// scenario.json.
+#[derive(Serialize, JsonSchema)]
+pub struct ScenarioFile<'a> {
+    schema: &'static str,
+    program: Program,
+    seed: u64,
+    /// Its name, and what its estimates depend on.
+    estimator: Value,
+    grasps: Option<Digested<'a>>,
+    /// How many objects are to be packed: the first of `objects`.
+    items: usize,
+    object_set: &'a str,
+    renderer: &'a str,
+    /// Who renders hypotheses.
+    hypotheses: String,
+    robot: RobotEntry<'a>,
+    objects: Vec<ObjectEntry<'a>>,
+    intrinsics: Intrinsics,
+    condition: &'a Condition,
+    scene: &'a Scene,
+    settings: &'a Settings,
+}
+
+/// The program that made a file.
+#[derive(Debug, Clone, Serialize, JsonSchema)]
+pub struct Program {
+    /// Of the package.
+    pub version: &'static str,
+    /// The commit it was built from, with `-dirty` where files differ from it.
+    pub commit: &'static str,
+    /// The platform it was built for.
+    pub target: &'static str,
+    /// The processor's features that it was built for.
+    pub target_features: &'static str,
+}
+
+/// A file or folder, and SHA-256 of its content.
+#[derive(Serialize, JsonSchema)]
+struct Digested<'a> {
+    path: &'a Path,
+    sha256: String,
+}
+
+/// An object, and SHA-256 of its shape and looks.
+#[derive(Debug, Serialize, JsonSchema)]
+pub struct ObjectEntry<'a> {
+    info: &'a ObjectInfo,
+    sha256: String,
+}
+
+/// A robot: where it was read, and SHA-256 of what is in it.
+#[derive(Debug, Serialize, JsonSchema)]
+pub struct RobotEntry<'a> {
+    name: &'a str,
+    path: &'a Path,
+    sha256: String,
+    config_sha256: String,
+}
 
 /// The inputs of a trial.
 #[derive(Debug, Clone, PartialEq)]
@@ -34,28 +100,25 @@ impl Scenario {
         grasps: Option<&Path>,
         renderer: &str,
     ) -> Result<Self> {
-        let objects: Vec<Value> = setup.models.iter().map(|model| object(model)).collect();
-        let grasps = match grasps {
-            Some(folder) => json!({ "path": folder, "sha256": grasps_digest(folder, &setup.models)? }),
-            None => Value::Null,
-        };
-        Ok(Self(json!({
-            "schema": SCHEMA,
-            "program": program(),
-            "seed": setup.seed,
-            "estimator": estimator.description(),
-            "grasps": grasps,
-            "items": items,
-            "object_set": setup.library.set().label(),
-            "renderer": renderer,
-            "hypotheses": setup.hypotheses.to_string(),
-            "robot": robot(setup),
-            "objects": objects,
-            "intrinsics": setup.camera.intrinsics,
-            "condition": setup.condition,
-            "scene": setup.cell.scene,
-            "settings": *setup.settings,
-        })))
+        let digested =
+            |path| Ok::<_, anyhow::Error>(Digested { path, sha256: grasps_digest(path, &setup.models)? });
+        Ok(Self(serde_json::to_value(ScenarioFile {
+            schema: SCHEMA,
+            program: program(),
+            seed: setup.seed,
+            estimator: estimator.description(),
+            grasps: grasps.map(digested).transpose()?,
+            items,
+            object_set: setup.library.set().label(),
+            renderer,
+            hypotheses: setup.hypotheses.to_string(),
+            robot: robot(setup),
+            objects: setup.models.iter().map(|model| object(model)).collect(),
+            intrinsics: setup.camera.intrinsics,
+            condition: &setup.condition,
+            scene: &setup.cell.scene,
+            settings: &setup.settings,
+        })?))
     }
 
     /// scenario.json.
@@ -82,29 +145,29 @@ impl Scenario {
     }
 }
 
-/// The program: version, the commit it was built from, target and the processor's features that it was built for.
-pub fn program() -> Value {
-    json!({
-        "version": env!("CARGO_PKG_VERSION"),
-        "commit": env!("GRIP_COMMIT"),
-        "target": env!("GRIP_TARGET"),
-        "target_features": env!("GRIP_TARGET_FEATURES"),
-    })
+/// This program.
+pub fn program() -> Program {
+    Program {
+        version: env!("CARGO_PKG_VERSION"),
+        commit: env!("GRIP_COMMIT"),
+        target: env!("GRIP_TARGET"),
+        target_features: env!("GRIP_TARGET_FEATURES"),
+    }
 }
 
 /// What is known of an object, and the digest of its shape and looks.
-pub fn object(model: &ObjectModel) -> Value {
-    json!({ "info": model.info, "sha256": mesh_digest(model) })
+pub fn object(model: &ObjectModel) -> ObjectEntry<'_> {
+    ObjectEntry { info: &model.info, sha256: mesh_digest(model) }
 }
 
 /// The robot: its name, where it was read, and digests of what is in it.
-pub fn robot(setup: &Setup) -> Value {
-    json!({
-        "name": setup.cell.robot.name(),
-        "path": setup.cell.robot.source(),
-        "sha256": robot_digest(&setup.cell.robot),
-        "config_sha256": format!("{:x}", Sha256::digest(format!("{:?}", setup.cell.config))),
-    })
+pub fn robot(setup: &Setup) -> RobotEntry<'_> {
+    RobotEntry {
+        name: setup.cell.robot.name(),
+        path: setup.cell.robot.source(),
+        sha256: robot_digest(&setup.cell.robot),
+        config_sha256: format!("{:x}", Sha256::digest(format!("{:?}", setup.cell.config))),
+    }
 }
 
 /// Of an object's shape and looks; its other properties are written out.

@@ -1,5 +1,6 @@
 //! Which object to pick first.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::belief::BeliefScene;
@@ -7,7 +8,7 @@ use crate::ranges::Ranges;
 use crate::stable::{nearest_standing, stable_facets};
 
 /// Settings of [`pick_order`].
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct OrderSettings {
     /// Tilted by more than this from where it would stand, an object leans, radians, 0 to pi. Default 0.1.
@@ -25,13 +26,16 @@ impl Default for OrderSettings {
 }
 
 impl OrderSettings {
-    /// The first field out of its range, in words.
-    pub fn problem(&self) -> Option<String> {
+    /// What is wrong with a value, if anything: the first field out of its range, its value and the range.
+    ///
+    /// # Errors
+    /// That.
+    pub fn validate(&self) -> Result<(), String> {
         Ranges::default()
             .number("lean", self.lean, 0.0..=std::f64::consts::PI, "radians")
             .number("lean_gap", self.lean_gap, 0.0..=1.0, "metres")
             .number("crowd_gap", self.crowd_gap, 0.0..=1.0, "metres")
-            .problem()
+            .result()
     }
 }
 

@@ -170,7 +170,7 @@ impl Planner {
         belief: &BeliefScene,
         configurations: &[&[f64]],
     ) -> Result<(), (PlanStage, String)> {
-        let in_settings = self.settings.problem().map(|problem| format!("settings: {problem}"));
+        let in_settings = self.settings.validate().err().map(|problem| format!("settings: {problem}"));
         let problem = in_settings
             .or_else(|| belief.problem())
             .or_else(|| configurations.iter().find_map(|q| self.robot.model.problem_with(q, BEYOND_LIMITS)));

@@ -28,17 +28,17 @@ impl Ranges {
         self.check(field, value, range, "a whole number")
     }
 
-    /// A part of the settings with what [`Ranges::problem`] said of it.
-    pub fn part(mut self, field: &str, problem: Option<String>) -> Self {
-        if let Some(problem) = problem {
+    /// A part of the settings with what [`Ranges::result`] said of it.
+    pub fn part(mut self, field: &str, result: Result<(), String>) -> Self {
+        if let Err(problem) = result {
             self.0.get_or_insert_with(|| format!("{field}.{problem}"));
         }
         self
     }
 
-    /// What is wrong.
-    pub fn problem(self) -> Option<String> {
-        self.0
+    /// What is wrong, if anything.
+    pub fn result(self) -> Result<(), String> {
+        self.0.map_or(Ok(()), Err)
     }
 
     fn check<T: PartialOrd + Display>(

@@ -1,5 +1,6 @@
 //! Settings of the planner: one tree, whose parts stand beside what they rule.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Deserializer, Serialize};
 
 use crate::collision::{Margins, UnmodelledSettings};
@@ -10,7 +11,7 @@ use crate::place::PlaceSettings;
 use crate::ranges::Ranges;
 
 /// Settings of [`crate::Planner`].
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct PlannerSettings {
     /// Grasps that are tried, best first, 1 to 100 000. Default 24.
@@ -46,10 +47,12 @@ pub struct PlannerSettings {
     /// Margins of free motion. Default 10 mm to the world, so that checks 20 mm apart leave no gap; 5 mm between links; half of
     /// an object's spread.
     #[serde(deserialize_with = "given_free")]
+    #[schemars(with = "GivenMargins")]
     pub free_margins: Margins,
     /// Margins of straight motion at objects. Default 2 mm to the world, 3 mm between links and nothing of the spread: the hand
     /// has to come near what it grasps.
     #[serde(deserialize_with = "given_near")]
+    #[schemars(with = "GivenMargins")]
     pub near_margins: Margins,
     /// Straight lifts.
     pub lift: LiftSettings,
@@ -108,7 +111,10 @@ impl Default for PlannerSettings {
 
 impl PlannerSettings {
     /// The first field out of its range, with its value and its range, in words; none when all can be used.
-    pub fn problem(&self) -> Option<String> {
+    ///
+    /// # Errors
+    /// That.
+    pub fn validate(&self) -> Result<(), String> {
         Ranges::default()
             .count("grasp_tries", self.grasp_tries, 1..=100_000)
             .count("place_tries", self.place_tries, 1..=100_000)
@@ -124,23 +130,23 @@ impl PlannerSettings {
             .number("guard_near", self.guard_near, 0.0..=0.2, "metres")
             .number("way_out_near", self.way_out_near, 0.0..=0.5, "metres")
             .number("way_out_length", self.way_out_length, 0.02..=1.0, "metres")
-            .part("free_margins", self.free_margins.problem())
-            .part("near_margins", self.near_margins.problem())
-            .part("lift", self.lift.problem())
-            .part("speed", self.speed.problem())
-            .part("rrt", self.rrt.problem())
-            .part("grasp", self.grasp.problem())
-            .part("grip_force", self.grip_force.problem())
-            .part("place", self.place.problem())
-            .part("order", self.order.problem())
-            .part("unmodelled", self.unmodelled.problem())
-            .part("grasp_test", self.grasp_test.problem())
-            .problem()
+            .part("free_margins", self.free_margins.validate())
+            .part("near_margins", self.near_margins.validate())
+            .part("lift", self.lift.validate())
+            .part("speed", self.speed.validate())
+            .part("rrt", self.rrt.validate())
+            .part("grasp", self.grasp.validate())
+            .part("grip_force", self.grip_force.validate())
+            .part("place", self.place.validate())
+            .part("order", self.order.validate())
+            .part("unmodelled", self.unmodelled.validate())
+            .part("grasp_test", self.grasp_test.validate())
+            .result()
     }
 }
 
 /// Margins of which some are given: the others are those of their place.
-#[derive(Deserialize)]
+#[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 struct GivenMargins {
     world: Option<f64>,
@@ -167,7 +173,7 @@ fn given_near<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Margins, D::
 }
 
 /// Straight lifts after a grasp.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct LiftSettings {
     /// Heights tried, metres, best first, each 0.01 to 1. Default 0.20, 0.15, 0.25, 0.10.
@@ -188,19 +194,22 @@ impl Default for LiftSettings {
 }
 
 impl LiftSettings {
-    /// The first field out of its range, in words.
-    pub fn problem(&self) -> Option<String> {
+    /// What is wrong with a value, if anything: the first field out of its range, its value and the range.
+    ///
+    /// # Errors
+    /// That.
+    pub fn validate(&self) -> Result<(), String> {
         Ranges::default()
             .numbers("heights", &self.heights, 0.01..=1.0, "metres")
             .number("lean", self.lean, 0.0..=1.4, "radians")
             .count("lean_directions", self.lean_directions, 0..=360)
             .number("leaving", self.leaving, 0.0..=0.5, "metres")
-            .problem()
+            .result()
     }
 }
 
 /// How fast the arm moves.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct SpeedSettings {
     /// Share of the joints' velocity limits that is used, 0.01 to 1. Default 0.9.
@@ -234,8 +243,11 @@ impl Default for SpeedSettings {
 }
 
 impl SpeedSettings {
-    /// The first field out of its range, in words.
-    pub fn problem(&self) -> Option<String> {
+    /// What is wrong with a value, if anything: the first field out of its range, its value and the range.
+    ///
+    /// # Errors
+    /// That.
+    pub fn validate(&self) -> Result<(), String> {
         Ranges::default()
             .number("velocity_share", self.velocity_share, 0.01..=1.0, "a share")
             .number("acceleration_share", self.acceleration_share, 0.01..=1.0, "a share")
@@ -244,12 +256,12 @@ impl SpeedSettings {
             .number("straight", self.straight, 0.001..=2.0, "m/s")
             .number("corner", self.corner, 0.0..=2.0, "norm of joint values")
             .number("dt", self.dt, 0.0001..=0.1, "seconds")
-            .problem()
+            .result()
     }
 }
 
 /// The test of a single grasp: close, lift, shake.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct GraspTestSettings {
     /// Height of the lift, metres, 0.01 to 1. Default 0.12.
@@ -268,13 +280,16 @@ impl Default for GraspTestSettings {
 }
 
 impl GraspTestSettings {
-    /// The first field out of its range, in words.
-    pub fn problem(&self) -> Option<String> {
+    /// What is wrong with a value, if anything: the first field out of its range, its value and the range.
+    ///
+    /// # Errors
+    /// That.
+    pub fn validate(&self) -> Result<(), String> {
         Ranges::default()
             .number("lift", self.lift, 0.01..=1.0, "metres")
             .number("shake", self.shake, 0.001..=0.3, "metres")
             .number("shake_speed", self.shake_speed, 0.001..=5.0, "m/s")
-            .problem()
+            .result()
     }
 }
 
@@ -293,18 +308,18 @@ mod tests {
     }
 
     impl Tree {
-        fn problem(&self) -> Option<String> {
+        fn validate(&self) -> Result<(), String> {
             Ranges::default()
-                .part("planner", self.planner.problem())
-                .part("executor", self.executor.problem())
-                .problem()
+                .part("planner", self.planner.validate())
+                .part("executor", self.executor.validate())
+                .result()
         }
     }
 
     #[test]
     fn the_tree_reads_back_from_toml_as_it_was_and_the_defaults_are_in_range() {
         let tree = Tree::default();
-        assert_eq!(tree.problem(), None);
+        assert_eq!(tree.validate(), Ok(()));
         let text = toml::to_string(&tree).unwrap();
         assert_eq!(toml::from_str::<Tree>(&text).unwrap(), tree);
         assert_eq!(toml::from_str::<Tree>("").unwrap(), tree);
@@ -370,7 +385,7 @@ mod tests {
             };
             for bad in bad {
                 let said = match with(tree.clone(), &path, bad).try_into::<Tree>() {
-                    Ok(tree) => tree.problem().unwrap_or_else(|| panic!("{path} = {bad} is taken")),
+                    Ok(tree) => tree.validate().expect_err(&format!("{path} = {bad} is taken")),
                     // What is no value of the type at all.
                     Err(_) => continue,
                 };
@@ -391,7 +406,7 @@ mod tests {
         let lift = LiftSettings { heights: Vec::new(), ..LiftSettings::default() };
         let settings = PlannerSettings { lift, ..PlannerSettings::default() };
         assert_eq!(
-            settings.problem().unwrap(),
+            settings.validate().unwrap_err(),
             "lift.heights is empty; it needs at least one value (metres)"
         );
     }

@@ -4,91 +4,30 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use grip_sim::mesh::{Material, Mesh, Visual};
-use grip_sim::objects::{Fragility, ObjectInfo, ObjectModel};
+use grip_sim::objects::ObjectModel;
 use grip_sim::pose::Pose;
 use grip_sim::robot::{RobotConfig, RobotModel};
 use grip_sim::shape::{CollisionShape, Convex};
-use nalgebra::{Isometry3, Point3, Vector3};
+use grip_testkit::objects;
+use nalgebra::{Isometry3, Vector3};
 
 use crate::belief::{BeliefScene, BelievedObject, BinGeometry, bin_fixtures};
 
-fn info(name: &str) -> ObjectInfo {
-    ObjectInfo {
-        name: name.into(),
-        bop_id: 1,
-        mass_kg: 0.35,
-        friction: 0.6,
-        symmetric: false,
-        fragility: Fragility::Sturdy,
-        upright: false,
-        revolution: None,
-        half_turns: vec![],
-    }
-}
-
-fn model(
-    name: &str,
-    positions: Vec<Point3<f32>>,
-    triangles: Vec<[u32; 3]>,
-    geometry: Convex,
-) -> Arc<ObjectModel> {
-    let normals = positions.iter().map(|p| p.coords.normalize()).collect();
-    let visual = Visual {
-        mesh: Arc::new(Mesh { positions, normals, triangles, ..Mesh::default() }),
-        material: Material::default(),
-    };
-    let collision = vec![CollisionShape { pose: Isometry3::identity(), geometry }];
-    Arc::new(ObjectModel::new(info(name), visual, collision))
-}
-
 /// A box of full extents `size`, metres.
 pub(crate) fn box_model(name: &str, size: [f64; 3]) -> Arc<ObjectModel> {
-    let h = size.map(|v| (0.5 * v) as f32);
-    let positions = (0..8)
-        .map(|i| {
-            let s = |bit: usize| if i >> bit & 1 == 0 { -h[bit] } else { h[bit] };
-            Point3::new(s(0), s(1), s(2))
-        })
-        .collect();
-    let triangles = vec![
-        [0, 2, 1],
-        [1, 2, 3], // z low
-        [4, 5, 6],
-        [5, 7, 6], // z high
-        [0, 1, 4],
-        [1, 5, 4], // y low
-        [2, 6, 3],
-        [3, 6, 7], // y high
-        [0, 4, 2],
-        [2, 4, 6], // x low
-        [1, 3, 5],
-        [3, 7, 5], // x high
-    ];
-    let half = Vector3::from(size) * 0.5;
-    model(name, positions, triangles, Convex::Cuboid { half })
+    grocery(objects::box_object(name, size.map(|v| v as f32)))
 }
 
 /// A can along z.
 pub(crate) fn cylinder_model(name: &str, radius: f64, height: f64) -> Arc<ObjectModel> {
-    let n = 48u32;
-    let mut positions =
-        vec![Point3::new(0.0, 0.0, (-0.5 * height) as f32), Point3::new(0.0, 0.0, (0.5 * height) as f32)];
-    let mut triangles = Vec::new();
-    for i in 0..n {
-        let a = std::f64::consts::TAU * f64::from(i) / f64::from(n);
-        for z in [-0.5, 0.5] {
-            let p = Point3::new(radius * a.cos(), radius * a.sin(), z * height);
-            positions.push(p.cast::<f32>());
-        }
-        let (p, q) = (2 + 2 * i, 2 + 2 * ((i + 1) % n));
-        triangles.push([0, q, p]);
-        triangles.push([1, p + 1, q + 1]);
-        triangles.push([p, q, q + 1]);
-        triangles.push([p, q + 1, p + 1]);
-    }
-    let geometry = Convex::Cylinder { half_height: 0.5 * height, radius };
-    model(name, positions, triangles, geometry)
+    grocery(objects::can_object(name, radius as f32, height as f32))
+}
+
+/// Of the mass and friction of a full can.
+fn grocery(model: Arc<ObjectModel>) -> Arc<ObjectModel> {
+    let mut model = Arc::unwrap_or_clone(model);
+    (model.info.mass_kg, model.info.friction) = (0.35, 0.6);
+    Arc::new(model)
 }
 
 /// The Fetch of this repository.

@@ -3,10 +3,11 @@
 use std::collections::BTreeMap;
 
 use grip_sim::pose::{Camera, Object, Pose};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// One place where an object may be.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Mode {
     /// The best pose there.
@@ -24,7 +25,7 @@ pub struct Mode {
 }
 
 /// The belief about one object's pose.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct PosePosterior {
     /// The object's name.
@@ -51,11 +52,13 @@ pub struct PosePosterior {
     /// Root mean square distance of the particles' origins from their mean, metres. Infinite, and `null` in JSON, where
     /// nothing was found.
     #[serde(with = "or_infinite")]
+    #[schemars(with = "Option<f64>")]
     pub position_std_m: f64,
     /// Spread of orientation, radians: root mean square change of the convex hull's support function, relative to the
     /// object's radius. Turning a can about its axis changes nothing that depth can see, and counts as no spread. Infinite,
     /// and `null` in JSON, where nothing was found.
     #[serde(with = "or_infinite")]
+    #[schemars(with = "Option<f64>")]
     pub rotation_std_rad: f64,
     /// Independent searches made.
     pub restarts: usize,
@@ -128,7 +131,7 @@ impl PosePosterior {
 }
 
 /// What colour had to say about a pose.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ColourVerdict {
     /// Poses compared with the one that depth prefers.
@@ -145,7 +148,7 @@ pub struct ColourVerdict {
 }
 
 /// What a search would have answered after one of its iterations.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct TracePoint {
     /// Hypotheses rendered and weighed by then.

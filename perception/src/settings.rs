@@ -1,5 +1,6 @@
 //! All settings of perception, as one tree.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::checks::{Checked, part};
@@ -20,7 +21,7 @@ use crate::paper::PaperSettings;
 /// assert!(settings.validate().is_ok());
 /// # Ok::<(), toml::de::Error>(())
 /// ```
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct PerceptionSettings {
     /// The first stage.

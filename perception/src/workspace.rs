@@ -1,11 +1,12 @@
 //! What the robot knows of its cell before it looks.
 
 use nalgebra::Point3;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// The part of the world that holds the objects, an axis-aligned box in the world frame, metres: what the robot knows
 /// of its cell (its table, not what is on it).
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Workspace {
     /// Lower corner.

@@ -3,12 +3,13 @@
 mod distortion;
 
 use nalgebra::{Point2, Point3};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 pub use self::distortion::Distortion;
 
 /// Pinhole intrinsics, pixels. Image point `(fx x/z + cx, fy y/z + cy)`, pixel centres at integers (OpenCV, BOP).
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Intrinsics {
     /// Columns.

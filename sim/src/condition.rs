@@ -4,6 +4,7 @@ use std::path::Path;
 
 use nalgebra::Vector3;
 use rand::Rng;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::error::{Error, Result};
@@ -12,7 +13,7 @@ use crate::range::Range;
 use crate::render::{Light, Lighting};
 
 /// How objects are put on the table.
-#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase", deny_unknown_fields)]
 pub enum Placement {
     /// Apart from each other.
@@ -23,7 +24,7 @@ pub enum Placement {
 }
 
 /// How cluttered objects are.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Clutter {
     /// Share of the region, in each direction, on which they are dropped: the smaller, the higher. Above 0, up to 1.
@@ -35,7 +36,7 @@ pub struct Clutter {
 }
 
 /// How far the colour camera may go to get a bright picture.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ExposureLimits {
     /// Longest exposure, seconds: 1/30 at 30 frames a second.
@@ -52,7 +53,7 @@ impl Default for ExposureLimits {
 
 /// One condition, every number drawn. Positions in it are in the world frame of a scene whose robot stands at the origin
 /// and looks along +x at a table about 0.75 m away.
-#[derive(Debug, Clone, PartialEq, Default, Serialize)]
+#[derive(Debug, Clone, PartialEq, Default, Serialize, JsonSchema)]
 pub struct Condition {
     /// The file's name without `.toml`.
     pub name: String,
@@ -65,7 +66,7 @@ pub struct Condition {
 }
 
 /// A condition as written in its file: numbers of the light may be ranges, from which each run draws its own.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ConditionSpec {
     /// The file's name without `.toml`.
@@ -84,7 +85,7 @@ pub struct ConditionSpec {
 }
 
 /// [`Lighting`] with ranges.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct LightingSpec {
     /// See [`Lighting::ambient_lux`].
@@ -98,7 +99,7 @@ pub struct LightingSpec {
 }
 
 /// [`Light`] with ranges.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct LightSpec {
     /// See [`Light::position`].

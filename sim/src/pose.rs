@@ -22,10 +22,12 @@
 //!
 //! Typed poses stand at crate boundaries; inside a module plain [`Isometry3`] is fine.
 
+use std::borrow::Cow;
 use std::marker::PhantomData;
 use std::ops::Mul;
 
 use nalgebra::{Isometry3, Point3, Quaternion, Translation3, UnitQuaternion, Vector3};
+use schemars::{JsonSchema, Schema, SchemaGenerator};
 use serde::{Deserialize, Deserializer, Serialize, Serializer, de::Error as _};
 
 /// The world: z up, origin on the floor.
@@ -140,11 +142,14 @@ impl<A, B, C> Mul<Pose<B, C>> for Pose<A, B> {
     }
 }
 
-/// In files: `{ translation = [x, y, z], quaternion = [w, x, y, z] }`.
-#[derive(Serialize, Deserialize)]
+/// A pose: `from_a` in the name of a field that holds one says whose coordinates go in, and what stands before it whose
+/// come out.
+#[derive(Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 struct PoseFile {
+    /// x, y, z, metres.
     translation: [f64; 3],
+    /// w, x, y, z, of unit length.
     quaternion: [f64; 4],
 }
 
@@ -152,6 +157,16 @@ impl<A, B> Serialize for Pose<A, B> {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         let (t, q) = (self.iso.translation.vector, self.iso.rotation);
         PoseFile { translation: [t.x, t.y, t.z], quaternion: [q.w, q.i, q.j, q.k] }.serialize(serializer)
+    }
+}
+
+impl<A, B> JsonSchema for Pose<A, B> {
+    fn schema_name() -> Cow<'static, str> {
+        "Pose".into()
+    }
+
+    fn json_schema(generator: &mut SchemaGenerator) -> Schema {
+        PoseFile::json_schema(generator)
     }
 }
 

@@ -1,8 +1,10 @@
 //! A number that a file gives exactly, or as the range that it is drawn from; and the check that a number is in a range.
 
+use std::borrow::Cow;
 use std::fmt;
 
 use rand::{Rng, RngExt};
+use schemars::{JsonSchema, Schema, SchemaGenerator};
 use serde::de::{self, Deserializer, MapAccess, Visitor};
 use serde::ser::{SerializeMap, Serializer};
 use serde::{Deserialize, Serialize};
@@ -63,6 +65,33 @@ impl Serialize for Range {
 impl<'de> Deserialize<'de> for Range {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
         deserializer.deserialize_any(RangeVisitor)
+    }
+}
+
+/// In files.
+#[derive(JsonSchema)]
+#[serde(untagged)]
+#[expect(dead_code, reason = "the schema alone")]
+enum RangeFile {
+    /// Exactly this.
+    Exactly(f64),
+    /// Drawn evenly from here.
+    #[schemars(extend("additionalProperties" = false))]
+    Between {
+        /// At least.
+        min: f64,
+        /// At most.
+        max: f64,
+    },
+}
+
+impl JsonSchema for Range {
+    fn schema_name() -> Cow<'static, str> {
+        "Range".into()
+    }
+
+    fn json_schema(generator: &mut SchemaGenerator) -> Schema {
+        RangeFile::json_schema(generator)
     }
 }
 

@@ -2,7 +2,8 @@
 
 use grip_perception::metrics::auc;
 
-use super::evaluation::{Case, THRESHOLDS};
+use super::case::Case;
+use super::evaluation::THRESHOLDS;
 use crate::plot::{Axis, Curve, Figure, Panel};
 
 /// The curves of several results, each with its name: ADD-S beside ADD(-S), up to the first threshold. The legend has the

@@ -13,6 +13,7 @@ use grip_sim::objects::ObjectModel;
 use grip_sim::rng;
 use rand::{Rng, RngExt};
 use rand_distr::{Distribution, StandardNormal};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
@@ -45,7 +46,7 @@ pub enum Boxes {
 }
 
 /// One entry of a detection file in COCO's result format, as BOP's default detections are.
-#[derive(Debug, Clone, Deserialize, Serialize)]
+#[derive(Debug, Clone, Deserialize, Serialize, JsonSchema)]
 pub struct FileBox {
     /// Number of the scene.
     pub scene_id: u32,

@@ -13,9 +13,10 @@ use grip_sim::mesh::Mesh;
 use grip_sim::pose::{Camera, Object, Pose};
 use grip_sim::render::{ObjectDepth, object_depth};
 use rayon::prelude::*;
+use schemars::JsonSchema;
 use serde::Serialize;
 
-use super::evaluation::{InImage, bootstrap};
+use super::case::{InImage, bootstrap};
 
 /// The evaluation model of an object.
 pub(super) struct Model {
@@ -121,7 +122,7 @@ impl InImage for Asked {
 }
 
 /// The challenge's figures.
-#[derive(Debug, Clone, Serialize)]
+#[derive(Debug, Clone, Serialize, JsonSchema)]
 pub struct Recall {
     /// The figures themselves.
     #[serde(flatten)]
@@ -148,7 +149,7 @@ impl Recall {
 }
 
 /// What images lack that errors are measured with.
-#[derive(Debug, Clone, Copy, Default, Serialize)]
+#[derive(Debug, Clone, Copy, Default, Serialize, JsonSchema)]
 pub struct Lacking {
     /// Images in which something is asked for,
     pub images: usize,

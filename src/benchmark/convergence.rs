@@ -6,6 +6,7 @@ use anyhow::Result;
 use grip_perception::metrics::Surface;
 use grip_perception::{PoseEstimator, TracePoint};
 use grip_sim::bop::{Dataset, GroundTruth};
+use schemars::JsonSchema;
 use serde::Serialize;
 
 use super::boxes::Boxes;
@@ -45,8 +46,8 @@ pub struct Searches<'a> {
 }
 
 /// One search for one object.
-#[derive(Debug, Serialize)]
-pub struct Trial {
+#[derive(Debug, Serialize, JsonSchema)]
+pub struct Search {
     /// Index of the contender.
     pub estimator: usize,
     /// Number of the object.
@@ -58,7 +59,7 @@ pub struct Trial {
 }
 
 /// The error of the best pose after an iteration.
-#[derive(Debug, Clone, Copy, Serialize)]
+#[derive(Debug, Clone, Copy, Serialize, JsonSchema)]
 pub struct Measured {
     /// From 1.
     pub iteration: usize,
@@ -75,7 +76,7 @@ pub struct Measured {
 /// All searches.
 pub struct Convergence {
     /// By seed, contender and object.
-    pub trials: Vec<Trial>,
+    pub trials: Vec<Search>,
 }
 
 impl Searches<'_> {
@@ -107,7 +108,7 @@ impl Searches<'_> {
                 for (model, belief) in searched.iter().zip(beliefs) {
                     let obj_id = model.info.bop_id;
                     let points = errors(&belief.trace, &surfaces[&obj_id], &bop.ground_truths, obj_id);
-                    trials.push(Trial { estimator, obj_id, seed, points });
+                    trials.push(Search { estimator, obj_id, seed, points });
                 }
                 progress.advance(1);
             }
@@ -184,8 +185,8 @@ fn errors(trace: &[TracePoint], surface: &Surface, truths: &[GroundTruth], obj_i
 }
 
 /// What searches of one contender came to.
-#[derive(Debug, Serialize)]
-pub struct Summary {
+#[derive(Debug, Serialize, JsonSchema)]
+pub struct SearchSummary {
     /// Searches.
     pub searches: usize,
     /// Searches that had nothing to draw hypotheses from; they are left out of all that follows and of the figure.
@@ -220,11 +221,11 @@ impl Convergence {
     }
 
     /// Figures of one contender.
-    pub fn summary(&self, estimator: usize) -> Summary {
+    pub fn summary(&self, estimator: usize) -> SearchSummary {
         let searches = self.trials.iter().filter(|trial| trial.estimator == estimator).count();
         let ends: Vec<&Measured> = self.of(estimator).iter().filter_map(|points| points.last()).collect();
         let mean = |value: Quantity| ends.iter().map(|e| value(e)).sum::<f64>() / ends.len().max(1) as f64;
-        Summary {
+        SearchSummary {
             searches,
             empty: searches - ends.len(),
             iterations: mean(|e| e.iteration as f64),
@@ -355,7 +356,7 @@ mod tests {
 
     #[test]
     fn empty_searches_are_counted_and_left_out() {
-        let trial = |points| Trial { estimator: 0, obj_id: 1, seed: 1, points };
+        let trial = |points| Search { estimator: 0, obj_id: 1, seed: 1, points };
         let trials = vec![trial(search(&[0.02, 0.004], 1.0)), trial(vec![]), trial(search(&[0.008], 1.0))];
         let summary = Convergence { trials }.summary(0);
         assert_eq!((summary.searches, summary.empty, summary.under_5_mm), (3, 1, 0.5));

@@ -6,6 +6,7 @@
 use std::collections::BTreeMap;
 
 use grip_sim::bop::BopFrame;
+use schemars::JsonSchema;
 use serde::Serialize;
 
 /// COCO's ten thresholds of intersection over union, to the last bit.
@@ -47,7 +48,7 @@ pub fn truth_boxes(frame: &BopFrame, object: u32) -> Vec<(Box2, bool)> {
 }
 
 /// Figures of some images.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub struct DetectionFigures {
     /// Instances that count.
     pub instances: usize,

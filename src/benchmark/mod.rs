@@ -2,6 +2,7 @@
 
 mod accuracy;
 mod boxes;
+mod case;
 mod challenge;
 mod convergence;
 mod detection;
@@ -15,12 +16,13 @@ mod published;
 
 pub use accuracy::figure as accuracy_figure;
 pub use boxes::{Boxes, FileBox};
+pub use case::Case;
 pub use challenge::{Lacking, Recall};
-pub use convergence::{Contender, Convergence, Searches, quantile};
+pub use convergence::{Contender, Convergence, Search, SearchSummary, Searches, quantile};
 pub use detection::{DetectionFigures, MOST_BOXES, ObjectImage, measure, truth_boxes};
 pub use estimates::{Estimated, Run};
 pub use estimator::{FrameEstimatorKind, for_dataset, frame_estimator};
-pub use evaluation::{Case, Evaluation, Figures, THRESHOLDS, evaluate, views};
+pub use evaluation::{Evaluation, Figures, THRESHOLDS, evaluate, views};
 pub use objects::load as load_object;
 pub use paper::{Area, PaperTable};
 pub use presence::Presence;

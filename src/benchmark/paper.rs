@@ -5,13 +5,15 @@ use std::path::Path;
 
 use anyhow::Result;
 use grip_perception::metrics::auc;
+use schemars::JsonSchema;
 use serde::Serialize;
 
-use super::evaluation::{Case, Evaluation, bootstrap};
+use super::case::{Case, bootstrap};
+use super::evaluation::Evaluation;
 use super::published::{GROUPS, OBJECTS, PaperObject, SOURCE, THRESHOLD_M};
 
 /// Areas under the accuracy-threshold curve by the paper's protocol.
-#[derive(Debug, Serialize)]
+#[derive(Debug, Serialize, JsonSchema)]
 pub struct PaperTable {
     /// Where `published` is from.
     pub source: &'static str,
@@ -22,7 +24,7 @@ pub struct PaperTable {
 }
 
 /// The figures of one group of views.
-#[derive(Debug, Serialize)]
+#[derive(Debug, Serialize, JsonSchema)]
 pub struct Group {
     /// As the paper calls it.
     pub name: &'static str,
@@ -35,7 +37,7 @@ pub struct Group {
 }
 
 /// One object.
-#[derive(Debug, Serialize)]
+#[derive(Debug, Serialize, JsonSchema)]
 pub struct Row {
     /// YCB name.
     pub object: &'static str,
@@ -49,7 +51,7 @@ pub struct Row {
 }
 
 /// The mean over objects.
-#[derive(Debug, Serialize)]
+#[derive(Debug, Serialize, JsonSchema)]
 pub struct Overall {
     /// Objects with instances; the published means are over the same ones.
     pub objects: usize,
@@ -59,7 +61,7 @@ pub struct Overall {
 }
 
 /// An area, ours and the published ones, 0 to 1.
-#[derive(Debug, Serialize)]
+#[derive(Debug, Serialize, JsonSchema)]
 pub struct Area {
     /// Instances that were asked for.
     pub instances: usize,

@@ -6,9 +6,10 @@ use std::collections::BTreeMap;
 use anyhow::Result;
 use grip_sim::bop::Dataset;
 use grip_sim::bop::results::Estimate;
+use schemars::JsonSchema;
 use serde::Serialize;
 
-use super::evaluation::Case;
+use super::case::Case;
 
 /// An estimate is right when its ADD-S is below this, metres.
 pub const RIGHT_M: f64 = 0.01;
@@ -21,7 +22,7 @@ const BINS: usize = 10;
 
 /// How well confidence tells objects that are there from objects that are not. Estimates of objects that are not in an image
 /// (`grip estimate --absent`) are what they are compared with.
-#[derive(Debug, Clone, Serialize)]
+#[derive(Debug, Clone, Serialize, JsonSchema)]
 pub struct Presence {
     /// Estimates of objects that are there,
     pub present: usize,
@@ -43,7 +44,7 @@ pub struct Presence {
 }
 
 /// Estimates of about the same confidence.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, JsonSchema)]
 pub struct Bin {
     /// How many.
     pub estimates: usize,

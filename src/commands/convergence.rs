@@ -1,16 +1,50 @@
 //! `grip convergence`: how near the best pose is to the truth after each iteration.
 
+use std::path::Path;
+
 use anyhow::{Context, Result};
-use grip::benchmark::{Boxes, Contender, Convergence, Searches, for_dataset, frame_estimator};
+use grip::benchmark::{
+    Boxes, Contender, Convergence, Search, SearchSummary, Searches, for_dataset, frame_estimator,
+};
 use grip::plot;
 use grip::settings::Settings;
 use grip_perception::HypothesisRenderer;
 use grip_sim::bop::Dataset;
-use serde_json::{Value, json};
+use schemars::JsonSchema;
+use serde::Serialize;
+use serde_json::Value;
 
 use super::Done;
 use super::output::{self, Bar};
 use crate::cli::{ConvergenceArgs, SearchChoice};
+
+/// Version of what `--json` prints.
+pub const SCHEMA: &str = "grip.convergence/1";
+
+/// What `--json` prints.
+#[derive(Serialize, JsonSchema)]
+pub struct ConvergenceReport<'a> {
+    schema: &'static str,
+    dataset: &'a Path,
+    split: &'a str,
+    scene_id: u32,
+    im_id: u32,
+    /// Where boxes came from.
+    boxes: &'a str,
+    /// The figure.
+    out: &'a Path,
+    estimators: Vec<EstimatorSummary<'a>>,
+    trials: &'a [Search],
+}
+
+/// An estimator and how its searches went.
+#[derive(Serialize, JsonSchema)]
+struct EstimatorSummary<'a> {
+    name: &'a str,
+    /// Its part of the tree of settings.
+    settings: &'a Value,
+    summary: &'a SearchSummary,
+}
 
 /// Draws the figure.
 pub fn run(args: &ConvergenceArgs) -> Result<Done> {
@@ -71,24 +105,22 @@ fn report(
 ) -> Result<()> {
     let summaries: Vec<_> = (0..contenders.len()).map(|i| found.summary(i)).collect();
     if args.json {
-        let estimators: Vec<Value> = contenders
+        let estimators = contenders
             .iter()
             .zip(settings)
             .zip(&summaries)
-            .map(|((c, settings), summary)| json!({"name": c.name, "settings": settings, "summary": summary}))
-            .collect();
-        let json = json!({
-            "schema": "grip.convergence/1",
-            "dataset": args.dataset,
-            "split": dataset.split(),
-            "scene_id": args.scene,
-            "im_id": args.image,
-            "boxes": args.boxes,
-            "out": args.out,
-            "estimators": estimators,
-            "trials": found.trials,
+            .map(|((c, settings), summary)| EstimatorSummary { name: &c.name, settings, summary });
+        return output::json(&ConvergenceReport {
+            schema: SCHEMA,
+            dataset: &args.dataset,
+            split: dataset.split(),
+            scene_id: args.scene,
+            im_id: args.image,
+            boxes: &args.boxes,
+            out: &args.out,
+            estimators: estimators.collect(),
+            trials: &found.trials,
         });
-        return output::data(format_args!("{}", serde_json::to_string_pretty(&json)?));
     }
     let header = [
         "",

@@ -1,5 +1,6 @@
 //! `grip detect`: the first stage alone, on a picture or on a data set.
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
@@ -9,8 +10,8 @@ use grip_sim::bop::{self, Dataset};
 use grip_sim::images::RgbImage;
 use image::{ImageError, ImageReader};
 use rayon::prelude::*;
+use schemars::JsonSchema;
 use serde::Serialize;
-use serde_json::{Value, json};
 
 use super::Done;
 use super::output::{self, Bar};
@@ -36,7 +37,48 @@ pub fn run(args: &DetectArgs) -> Result<Done> {
 }
 
 /// A box of a picture.
-#[derive(Serialize)]
+/// Version of what `--json` prints of a data set.
+pub const SCHEMA: &str = "grip.detect/1";
+/// And of a picture.
+pub const IMAGE_SCHEMA: &str = "grip.detect-image/1";
+
+/// What `--json` prints of a data set.
+#[derive(Serialize, JsonSchema)]
+pub struct DetectReport<'a> {
+    schema: &'static str,
+    dataset: &'a Path,
+    split: &'a str,
+    /// The network, and what runs it.
+    network: String,
+    /// Boxes of a lower confidence are left out of pictures.
+    least_confidence: f64,
+    images: usize,
+    wall_s: f64,
+    /// Median of an image, seconds.
+    latency_s: f64,
+    all: DetectionFigures,
+    /// By object number.
+    objects: BTreeMap<u32, DetectionFigures>,
+    /// By name.
+    views: BTreeMap<&'a str, DetectionFigures>,
+}
+
+/// What `--json` prints of a picture.
+#[derive(Serialize, JsonSchema)]
+pub struct ImageReport<'a> {
+    schema: &'static str,
+    image: &'a Path,
+    /// Boxes of a lower confidence are left out.
+    least_confidence: f64,
+    /// The network, and what runs it.
+    network: String,
+    seconds: f64,
+    /// The most confident first.
+    boxes: Vec<Found<'a>>,
+}
+
+/// A box of an object.
+#[derive(Serialize, JsonSchema)]
 struct Found<'a> {
     object: &'a str,
     bop_id: u32,
@@ -78,15 +120,14 @@ fn of_picture(args: &DetectArgs, network: &PyramidCnn) -> Result<()> {
         })
         .collect();
     if args.json {
-        let json = json!({
-            "schema": "grip.detect-image/1",
-            "image": args.input,
-            "least_confidence": args.least_confidence,
-            "network": network.to_string(),
-            "seconds": seconds,
-            "boxes": found,
+        return output::json(&ImageReport {
+            schema: IMAGE_SCHEMA,
+            image: &args.input,
+            least_confidence: args.least_confidence,
+            network: network.to_string(),
+            seconds,
+            boxes: found,
         });
-        return output::data(format_args!("{}", serde_json::to_string_pretty(&json)?));
     }
     let rows = found.iter().map(|f| {
         let [x, y, w, h] = f.bbox.map(|x| format!("{x:.0}"));
@@ -276,20 +317,19 @@ fn report(
         ));
     }
     if args.json {
-        let json = json!({
-            "schema": "grip.detect/1",
-            "dataset": args.input,
-            "split": dataset.split(),
-            "network": network.to_string(),
-            "least_confidence": args.least_confidence,
-            "images": looked.len(),
-            "wall_s": wall_s,
-            "latency_s": latency_s,
-            "all": all,
-            "objects": by_object,
-            "views": by_view.into_iter().map(|(name, f)| Ok((name.to_owned(), serde_json::to_value(f)?))).collect::<Result<serde_json::Map<String, Value>>>()?,
+        return output::json(&DetectReport {
+            schema: SCHEMA,
+            dataset: &args.input,
+            split: dataset.split(),
+            network: network.to_string(),
+            least_confidence: args.least_confidence,
+            images: looked.len(),
+            wall_s,
+            latency_s,
+            all,
+            objects: by_object,
+            views: by_view.into_iter().collect(),
         });
-        return output::data(format_args!("{}", serde_json::to_string_pretty(&json)?));
     }
     let shown = |share: Option<f64>| share.map_or_else(|| "-".to_owned(), |x| format!("{:.1}", 100.0 * x));
     let row = |name: String, f: &DetectionFigures| {

@@ -1,5 +1,6 @@
 //! `grip estimate`: poses for every image of a data set.
 
+use std::path::Path;
 use std::time::Instant;
 
 use anyhow::Result;
@@ -7,11 +8,55 @@ use grip::benchmark::{Boxes, Estimated, FrameEstimatorKind, Run, for_dataset, fr
 use grip::workers;
 use grip_perception::HypothesisRenderer;
 use grip_sim::bop::Dataset;
-use serde_json::{Value, json};
+use schemars::JsonSchema;
+use serde::Serialize;
+use serde_json::Value;
 
 use super::Done;
 use super::output::{self, Bar};
 use crate::cli::{EstimateArgs, Hypotheses};
+
+/// Version of what `--json` prints.
+pub const SCHEMA: &str = "grip.estimate/1";
+
+/// What `--json` prints.
+#[derive(Serialize, JsonSchema)]
+pub struct EstimateReport<'a> {
+    schema: &'static str,
+    settings: &'a RunDescription<'a>,
+    /// The results file.
+    out: &'a Path,
+    /// Estimated now.
+    images: usize,
+    /// Images that an earlier run had done.
+    kept: usize,
+    /// In the file.
+    poses: usize,
+    wall_s: f64,
+    /// In the mean of the images estimated now.
+    image_s: f64,
+}
+
+/// All that the poses depend on; a run that goes on must have the same.
+#[derive(Serialize, JsonSchema)]
+struct RunDescription<'a> {
+    dataset: &'a Path,
+    split: &'a str,
+    /// Where boxes came from.
+    boxes: &'a str,
+    /// Of the file of boxes, where it is one.
+    boxes_sha256: Option<&'a str>,
+    /// The detector's, and what runs it.
+    network: Option<String>,
+    /// How many objects were looked for in each image that are not there.
+    absent: u32,
+    seed: u64,
+    estimator: &'static str,
+    /// Who renders hypotheses.
+    hypotheses: String,
+    /// The estimator's part of the tree of settings.
+    settings: Value,
+}
 
 /// Writes the results file.
 pub fn run(args: &EstimateArgs) -> Result<Done> {
@@ -29,25 +74,25 @@ pub fn run(args: &EstimateArgs) -> Result<Done> {
     };
     let hypotheses = renderer.to_string();
     let (estimator, settings) = frame_estimator(kind, &settings, renderer, false)?;
-    let described = json!({
-        "dataset": args.dataset,
-        "split": dataset.split(),
-        "boxes": args.boxes,
-        "boxes_sha256": boxes.sha256(),
-        "network": boxes.network(),
-        "absent": args.absent,
-        "seed": args.seed,
-        "estimator": estimator.name(),
-        "hypotheses": hypotheses,
-        "settings": settings,
-    });
+    let described = RunDescription {
+        dataset: &args.dataset,
+        split: dataset.split(),
+        boxes: &args.boxes,
+        boxes_sha256: boxes.sha256(),
+        network: boxes.network(),
+        absent: args.absent,
+        seed: args.seed,
+        estimator: estimator.name(),
+        hypotheses,
+        settings,
+    };
     let run = Run {
         dataset: &dataset,
         boxes: &boxes,
         estimator: &*estimator,
         absent: args.absent as usize,
         seed: args.seed,
-        settings: described.to_string(),
+        settings: serde_json::to_value(&described)?.to_string(),
         jobs: args.jobs.map_or_else(workers::cores, |jobs| jobs as usize),
     };
     let progress = Bar::new("images");
@@ -58,21 +103,20 @@ pub fn run(args: &EstimateArgs) -> Result<Done> {
     Ok(Done::Fully)
 }
 
-fn report(args: &EstimateArgs, settings: &Value, estimated: &Estimated, wall_s: f64) -> Result<()> {
+fn report(args: &EstimateArgs, run: &RunDescription<'_>, estimated: &Estimated, wall_s: f64) -> Result<()> {
     let out = &args.out;
     let Estimated { images, kept, poses, seconds } = *estimated;
     if args.json {
-        let summary = json!({
-            "schema": "grip.estimate/1",
-            "settings": settings,
-            "out": out,
-            "images": images,
-            "kept": kept,
-            "poses": poses,
-            "wall_s": (wall_s * 1e3).round() / 1e3,
-            "image_s": seconds / images.max(1) as f64,
+        return output::json(&EstimateReport {
+            schema: SCHEMA,
+            settings: run,
+            out,
+            images,
+            kept,
+            poses,
+            wall_s: (wall_s * 1e3).round() / 1e3,
+            image_s: seconds / images.max(1) as f64,
         });
-        return output::data(format_args!("{}", serde_json::to_string_pretty(&summary)?));
     }
     let helped = matches!(args.boxes.as_str(), "gt" | "jittered");
     output::data(format_args!(
@@ -81,9 +125,9 @@ fn report(args: &EstimateArgs, settings: &Value, estimated: &Estimated, wall_s: 
         out.display(),
         1e3 * seconds / images.max(1) as f64,
         if helped { "; boxes from the TRUTH" } else { "" },
-        match settings["hypotheses"].as_str() {
-            Some(renderer) if renderer != "cpu" => format!("; hypotheses on the {renderer}"),
-            _ => String::new(),
+        match run.hypotheses.as_str() {
+            "cpu" => String::new(),
+            renderer => format!("; hypotheses on the {renderer}"),
         },
         args.dataset.display(),
         out.display(),

@@ -5,7 +5,9 @@ use std::path::Path;
 use anyhow::Result;
 use grip_sim::bop::results::read_results;
 use grip_sim::bop::{self, Dataset};
-use serde_json::{Value, json};
+use schemars::JsonSchema;
+use serde::Serialize;
+use serde_json::Value;
 
 use super::Done;
 use super::output;
@@ -15,6 +17,25 @@ use grip::benchmark::{
     evaluate,
 };
 use grip::plot;
+
+/// Version of what `--json` prints.
+pub const SCHEMA: &str = "grip.eval/1";
+
+/// What `--json` prints of a results file; of several a list of them.
+#[derive(Serialize, JsonSchema)]
+pub struct EvalReport<'a> {
+    schema: &'static str,
+    dataset: &'a Path,
+    split: &'a str,
+    results: &'a Path,
+    /// Ends of the two areas under a curve, metres.
+    thresholds_m: [f64; 2],
+    #[serde(flatten)]
+    evaluation: &'a Evaluation,
+    /// With `--paper`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    paper: Option<&'a PaperTable>,
+}
 
 /// Prints the figures.
 pub fn run(args: &EvalArgs) -> Result<Done> {
@@ -94,23 +115,15 @@ fn summary(
     evaluation: &Evaluation,
     paper: Option<&PaperTable>,
 ) -> Result<Value> {
-    let mut json = json!({
-        "schema": "grip.eval/1",
-        "dataset": args.dataset,
-        "split": dataset.split(),
-        "results": results,
-        "thresholds_m": grip::benchmark::THRESHOLDS,
-        "ignored": evaluation.ignored,
-        "all": evaluation.all,
-        "objects": evaluation.objects,
-        "conditions": evaluation.conditions,
-        "lacking": evaluation.lacking,
-        "presence": evaluation.presence,
-    });
-    if let Some(paper) = paper {
-        json["paper"] = serde_json::to_value(paper)?;
-    }
-    Ok(json)
+    Ok(serde_json::to_value(EvalReport {
+        schema: SCHEMA,
+        dataset: &args.dataset,
+        split: dataset.split(),
+        results,
+        thresholds_m: grip::benchmark::THRESHOLDS,
+        evaluation,
+        paper,
+    })?)
 }
 
 fn print(evaluation: &Evaluation, paper: Option<&PaperTable>) -> Result<()> {

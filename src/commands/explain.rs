@@ -1,15 +1,43 @@
 //! `grip explain`: a picture that shows why to believe the pose estimates of an image, or not.
 
+use std::path::Path;
+
 use anyhow::Result;
 use grip_sim::bop::results::read_results;
 use grip_sim::bop::{self, Dataset};
-use serde_json::json;
+use schemars::JsonSchema;
+use serde::Serialize;
 
 use super::Done;
 use super::output;
 use crate::cli::ExplainArgs;
-use grip::explain::{Explained, Explanation, INLIER_M, LEAST_SCORE};
+use grip::explain::{Explained, Explanation, INLIER_M, LEAST_SCORE, Shares};
 use grip::{pictures, plot};
+
+/// Version of what `--json` prints.
+pub const SCHEMA: &str = "grip.explain/1";
+
+/// What `--json` prints.
+#[derive(Serialize, JsonSchema)]
+pub struct ExplainReport<'a> {
+    schema: &'static str,
+    dataset: &'a Path,
+    split: &'a str,
+    results: &'a Path,
+    scene_id: u32,
+    im_id: u32,
+    /// The picture.
+    out: &'a Path,
+    /// Depth that differs less than this from what is rendered counts as explained, metres.
+    inlier_m: f64,
+    /// Estimates of a lower score are left out; null for none.
+    least_score: Option<f64>,
+    /// Whether outlines of the truth are in the picture.
+    truth_drawn: bool,
+    /// Of all estimates together.
+    shares: Option<&'a Shares>,
+    estimates: &'a [Explained],
+}
 
 /// Draws the picture.
 pub fn run(args: &ExplainArgs) -> Result<Done> {
@@ -58,21 +86,20 @@ pub fn run(args: &ExplainArgs) -> Result<Done> {
 
 fn report(args: &ExplainArgs, dataset: &Dataset, explanation: &Explanation) -> Result<()> {
     if args.json {
-        let json = json!({
-            "schema": "grip.explain/1",
-            "dataset": args.dataset,
-            "split": dataset.split(),
-            "results": args.results,
-            "scene_id": args.scene,
-            "im_id": args.image,
-            "out": args.out,
-            "inlier_m": INLIER_M,
-            "least_score": if args.all { None } else { Some(LEAST_SCORE) },
-            "truth_drawn": args.truth,
-            "shares": explanation.shares,
-            "estimates": explanation.explained,
+        return output::json(&ExplainReport {
+            schema: SCHEMA,
+            dataset: &args.dataset,
+            split: dataset.split(),
+            results: &args.results,
+            scene_id: args.scene,
+            im_id: args.image,
+            out: &args.out,
+            inlier_m: INLIER_M,
+            least_score: (!args.all).then_some(LEAST_SCORE),
+            truth_drawn: args.truth,
+            shares: explanation.shares.as_ref(),
+            estimates: &explanation.explained,
         });
-        return output::data(format_args!("{}", serde_json::to_string_pretty(&json)?));
     }
     let rows = explanation.explained.iter().map(Explained::row);
     output::data(format_args!(

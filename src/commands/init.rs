@@ -5,7 +5,7 @@ use std::path::Path;
 use anyhow::{Context, Result, ensure};
 use grip_sim::files;
 
-use super::{Done, output};
+use super::{Done, output, schemas};
 use crate::cli::InitArgs;
 
 /// Writes them into a new or empty folder.
@@ -17,8 +17,13 @@ pub fn run(args: &InitArgs) -> Result<Done> {
         "{}: exists and is not an empty folder; choose another",
         folder.display()
     );
-    let built_in = files::builtin();
-    for (relative, bytes) in &built_in {
+    let mut files: Vec<(String, Vec<u8>)> =
+        files::builtin().into_iter().map(|(path, bytes)| (path, bytes.to_vec())).collect();
+    for (name, schema) in schemas::all() {
+        let text = serde_json::to_string_pretty(&schema)? + "\n";
+        files.push((format!("schemas/{name}.json"), text.into_bytes()));
+    }
+    for (relative, bytes) in &files {
         let path = folder.join(relative);
         let write = || {
             std::fs::create_dir_all(path.parent().unwrap_or(folder))?;
@@ -30,7 +35,7 @@ pub fn run(args: &InitArgs) -> Result<Done> {
     }
     output::message(format_args!(
         "{} files in {}; there, grip takes its scenes and robot instead of those built in",
-        built_in.len(),
+        files.len(),
         folder.display()
     ));
     Ok(Done::Fully)

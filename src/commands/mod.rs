@@ -16,6 +16,7 @@ mod render;
 mod report;
 mod robot;
 mod scenes;
+mod schemas;
 mod settings;
 mod sweep;
 mod trials;

@@ -1,23 +1,32 @@
 //! `grip objects`: the table of objects and which set is in use.
 
 use anyhow::Result;
+use grip_sim::objects::ObjectInfo;
+use schemars::JsonSchema;
+use serde::Serialize;
 
 use super::Done;
 use super::output;
 use crate::cli::ObjectsArgs;
 use grip::setup;
 
+/// Version of what `--json` prints.
+pub const SCHEMA: &str = "grip.objects/1";
+
+/// What `--json` prints.
+#[derive(Serialize, JsonSchema)]
+pub struct ObjectList<'a> {
+    schema: &'static str,
+    object_set: &'a str,
+    objects: Vec<&'a ObjectInfo>,
+}
+
 /// Prints the table.
 pub fn run(args: &ObjectsArgs) -> Result<Done> {
     let library = setup::library(args.ycb.clone())?;
     let infos = library.names().map(|name| library.info(name)).collect::<Result<Vec<_>, _>>()?;
     if args.json {
-        let json = serde_json::json!({
-            "schema": "grip.objects/1",
-            "object_set": library.set().label(),
-            "objects": infos,
-        });
-        output::data(format_args!("{}", serde_json::to_string_pretty(&json)?))?;
+        output::json(&ObjectList { schema: SCHEMA, object_set: library.set().label(), objects: infos })?;
         return Ok(Done::Fully);
     }
     let mut rows = Vec::new();

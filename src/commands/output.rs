@@ -7,6 +7,7 @@ use std::time::Duration;
 use comfy_table::{CellAlignment, Table, presets::NOTHING};
 use grip::progress::Progress;
 use indicatif::{ProgressBar, ProgressStyle};
+use serde::Serialize;
 
 /// A line of data on stdout.
 ///
@@ -17,6 +18,14 @@ pub fn data(line: Arguments<'_>) -> anyhow::Result<()> {
         Err(error) if error.kind() == io::ErrorKind::BrokenPipe => Ok(()),
         other => other.map_err(|e| anyhow::anyhow!("cannot write to stdout: {e}")),
     }
+}
+
+/// JSON on stdout.
+///
+/// # Errors
+/// As [`data`].
+pub fn json(value: &impl Serialize) -> anyhow::Result<()> {
+    data(format_args!("{}", serde_json::to_string_pretty(value)?))
 }
 
 /// A line for people on stderr; nobody is helped when that fails.

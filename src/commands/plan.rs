@@ -1,11 +1,13 @@
 //! `grip plan`: solves motion planning problems of MotionBenchMaker and checks the solutions.
 
+use std::path::Path;
 use std::sync::Arc;
 
 use anyhow::{Context, Result};
 use grip_manip::Planner;
 use grip_manip::benchmark::{ProblemResult, ProblemStatus, find_problems, load_problem};
 use rayon::prelude::*;
+use schemars::JsonSchema;
 use serde::Serialize;
 
 use super::Done;
@@ -14,8 +16,34 @@ use crate::cli::PlanArgs;
 use grip::benchmark::quantile;
 use grip::progress::Progress;
 
+/// Version of what `--json` prints.
+pub const SCHEMA: &str = "grip.plan/1";
+
+/// What `--json` prints.
+#[derive(Serialize, JsonSchema)]
+pub struct PlanReport<'a> {
+    schema: &'static str,
+    urdf: &'a Path,
+    seed: u64,
+    jobs: usize,
+    cover: CoverSummary,
+    /// Of each set, and of all.
+    summary: &'a [Summary],
+    problems: &'a [ProblemResult],
+}
+
+/// The balls that cover the robot.
+#[derive(Serialize, JsonSchema)]
+struct CoverSummary {
+    balls: usize,
+    /// How far they stick out at most, metres.
+    worst_m: f64,
+    /// And in the mean, metres.
+    mean_m: f64,
+}
+
 /// All problems of a folder, or those of a run.
-#[derive(Debug, Serialize)]
+#[derive(Debug, Serialize, JsonSchema)]
 struct Summary {
     /// The folder's name, or `all`.
     set: String,
@@ -70,16 +98,15 @@ pub fn run(args: &PlanArgs) -> Result<Done> {
     summaries.push(summary("all", results.iter()));
     let cover = planner.robot().cover();
     if args.json {
-        let json = serde_json::json!({
-            "schema": "grip.plan/1",
-            "urdf": urdf,
-            "seed": args.seed,
-            "jobs": args.jobs,
-            "cover": { "balls": cover.balls, "worst_m": cover.worst, "mean_m": cover.mean },
-            "summary": summaries,
-            "problems": results,
-        });
-        output::data(format_args!("{}", serde_json::to_string_pretty(&json)?))?;
+        output::json(&PlanReport {
+            schema: SCHEMA,
+            urdf: &urdf,
+            seed: args.seed,
+            jobs: args.jobs,
+            cover: CoverSummary { balls: cover.balls, worst_m: cover.worst, mean_m: cover.mean },
+            summary: &summaries,
+            problems: &results,
+        })?;
     } else {
         output::data(format_args!("{}\n", table(&summaries)))?;
         output::data(format_args!(

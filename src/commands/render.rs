@@ -2,6 +2,7 @@
 
 use anyhow::Result;
 use grip_sim::render;
+use schemars::JsonSchema;
 use serde::Serialize;
 
 use super::Done;
@@ -11,9 +12,12 @@ use grip::pictures;
 use grip::run_dir::RunDir;
 use grip::setup::{GROCERY, Setup};
 
+/// Version of camera.json.
+pub const SCHEMA: &str = "grip.camera/1";
+
 /// camera.json: all that is needed to use the pictures.
-#[derive(Serialize)]
-struct CameraFile<'a> {
+#[derive(Serialize, JsonSchema)]
+pub struct CameraFile<'a> {
     schema: &'static str,
     scene: &'a str,
     condition: &'a str,
@@ -29,7 +33,7 @@ struct CameraFile<'a> {
 }
 
 /// What a number in labels.png means, and where that object is.
-#[derive(Serialize)]
+#[derive(Serialize, JsonSchema)]
 struct Label<'a> {
     label: u16,
     name: &'a str,
@@ -53,7 +57,7 @@ pub fn run(args: &RenderArgs) -> Result<Done> {
         .collect();
     labels.push(Label { label: grip_physics::ROBOT_LABEL, name: "robot", world_from_object: None });
     let camera = CameraFile {
-        schema: "grip.camera/1",
+        schema: SCHEMA,
         scene: &setup.cell.scene.name,
         condition: &setup.condition.name,
         seed: setup.seed,

@@ -1,42 +1,71 @@
 //! `grip robot`: what was loaded, joints and limits.
 
+use std::path::Path;
+
 use anyhow::Result;
+use schemars::JsonSchema;
+use serde::Serialize;
 
 use super::Done;
 use super::output;
 use crate::cli::RobotArgs;
+
+/// Version of what `--json` prints.
+pub const SCHEMA: &str = "grip.robot/1";
+
+/// What `--json` prints.
+#[derive(Serialize, JsonSchema)]
+pub struct RobotReport<'a> {
+    schema: &'static str,
+    name: &'a str,
+    urdf: &'a Path,
+    links: usize,
+    meshes: usize,
+    visuals: usize,
+    collisions: usize,
+    /// Those that move.
+    joints: Vec<JointReport<'a>>,
+}
+
+/// A joint; radians or metres.
+#[derive(Serialize, JsonSchema)]
+struct JointReport<'a> {
+    name: &'a str,
+    /// `revolute`, `continuous` or `prismatic`.
+    kind: String,
+    /// Null where it turns on and on.
+    lower: Option<f64>,
+    upper: Option<f64>,
+    /// A second.
+    velocity: f64,
+    /// Newtons or newton metres.
+    effort: f64,
+}
 
 /// Prints joints, limits and the count of what was read.
 pub fn run(args: &RobotArgs) -> Result<Done> {
     let (urdf, robot, _) = args.robot.load()?;
     let loaded = robot.loaded();
     if args.json {
-        let joints: Vec<_> = robot
-            .joints()
-            .iter()
-            .map(|joint| {
-                let finite = |v: f64| v.is_finite().then_some(v);
-                serde_json::json!({
-                    "name": joint.name,
-                    "kind": format!("{:?}", joint.kind).to_lowercase(),
-                    "lower": finite(joint.limits.lower),
-                    "upper": finite(joint.limits.upper),
-                    "velocity": joint.limits.velocity,
-                    "effort": joint.limits.effort,
-                })
-            })
-            .collect();
-        let json = serde_json::json!({
-            "schema": "grip.robot/1",
-            "name": robot.name(),
-            "urdf": urdf,
-            "links": loaded.links,
-            "meshes": loaded.meshes,
-            "visuals": loaded.visuals,
-            "collisions": loaded.collisions,
-            "joints": joints,
+        let finite = |v: f64| v.is_finite().then_some(v);
+        let joints = robot.joints().iter().map(|joint| JointReport {
+            name: &joint.name,
+            kind: format!("{:?}", joint.kind).to_lowercase(),
+            lower: finite(joint.limits.lower),
+            upper: finite(joint.limits.upper),
+            velocity: joint.limits.velocity,
+            effort: joint.limits.effort,
         });
-        output::data(format_args!("{}", serde_json::to_string_pretty(&json)?))?;
+        output::json(&RobotReport {
+            schema: SCHEMA,
+            name: robot.name(),
+            urdf: &urdf,
+            links: loaded.links,
+            meshes: loaded.meshes,
+            visuals: loaded.visuals,
+            collisions: loaded.collisions,
+            joints: joints.collect(),
+        })?;
         return Ok(Done::Fully);
     }
     output::data(format_args!(

@@ -6,7 +6,8 @@ use std::time::{Duration, Instant};
 use anyhow::Result;
 use grip_sim::bop::{self, Dataset};
 use grip_sim::render;
-use serde_json::json;
+use schemars::JsonSchema;
+use serde::Serialize;
 
 use super::Done;
 use super::output::{self, Bar};
@@ -14,6 +15,38 @@ use crate::cli::ScenesArgs;
 use grip::dataset::{self, Made, Plan, preview};
 use grip::setup::{ADVERSARIAL, Setup};
 use grip::{pictures, workers};
+
+/// Version of what `--json` prints.
+pub const SCHEMA: &str = "grip.scenes/1";
+
+/// What `--json` prints.
+#[derive(Serialize, JsonSchema)]
+pub struct ScenesReport<'a> {
+    schema: &'static str,
+    /// The data set's folder.
+    out: &'a Path,
+    /// Scenes made now.
+    scenes: u32,
+    /// Scenes that were there before.
+    kept: u32,
+    /// Frames made now.
+    frames: usize,
+    /// Layouts thrown away.
+    rejected_layouts: usize,
+    wall_s: f64,
+    frames_per_s: f64,
+    worker_s: WorkerSeconds,
+}
+
+/// Seconds of all workers together, by what they did.
+#[derive(Serialize, JsonSchema)]
+struct WorkerSeconds {
+    physics: f64,
+    render: f64,
+    sensor: f64,
+    masks: f64,
+    write: f64,
+}
 
 /// Makes the data set, its contact sheet, or both.
 pub fn run(args: &ScenesArgs) -> Result<Done> {
@@ -44,24 +77,23 @@ fn report(args: &ScenesArgs, plan: &Plan, made: &Made, wall: Duration) -> Result
     let seconds = |time: Duration| (time.as_secs_f64() * 1e3).round() / 1e3;
     let t = &made.timings;
     if args.json {
-        let summary = json!({
-            "schema": "grip.scenes/1",
-            "out": args.out,
-            "scenes": made.scenes,
-            "kept": made.kept,
-            "frames": frames,
-            "rejected_layouts": made.rejected,
-            "wall_s": seconds(wall),
-            "frames_per_s": (rate * 100.0).round() / 100.0,
-            "worker_s": {
-                "physics": seconds(t.physics),
-                "render": seconds(t.render),
-                "sensor": seconds(t.sensor),
-                "masks": seconds(t.masks),
-                "write": seconds(t.write),
+        output::json(&ScenesReport {
+            schema: SCHEMA,
+            out: &args.out,
+            scenes: made.scenes,
+            kept: made.kept,
+            frames,
+            rejected_layouts: made.rejected,
+            wall_s: seconds(wall),
+            frames_per_s: (rate * 100.0).round() / 100.0,
+            worker_s: WorkerSeconds {
+                physics: seconds(t.physics),
+                render: seconds(t.render),
+                sensor: seconds(t.sensor),
+                masks: seconds(t.masks),
+                write: seconds(t.write),
             },
-        });
-        output::data(format_args!("{}", serde_json::to_string_pretty(&summary)?))?;
+        })?;
     } else {
         let per_frame = |time: Duration| 1e3 * time.as_secs_f64() / frames.max(1) as f64;
         output::data(format_args!(

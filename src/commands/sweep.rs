@@ -3,6 +3,8 @@
 use std::time::Instant;
 
 use anyhow::Result;
+use schemars::JsonSchema;
+use serde::Serialize;
 
 use super::Done;
 use super::output::{self, Bar};
@@ -11,6 +13,18 @@ use grip::experiment::sweep::errors::Axis;
 use grip::experiment::sweep::fits::{Fall, ObjectResult, results};
 use grip::experiment::sweep::{GraspLine, Sweep};
 use grip::workers;
+
+/// Version of what `--json` prints.
+pub const SUMMARY_SCHEMA: &str = "grip.sweep.summary/1";
+
+/// What `--json` prints.
+#[derive(Serialize, JsonSchema)]
+pub struct SweepSummary<'a> {
+    schema: &'static str,
+    /// How many were tried.
+    grasps: usize,
+    objects: &'a [ObjectResult],
+}
 
 /// Tries what is missing, prints the figures of all.
 pub fn run(args: &SweepArgs) -> Result<Done> {
@@ -41,12 +55,8 @@ pub fn run(args: &SweepArgs) -> Result<Done> {
 pub fn print(lines: &[GraspLine], json: bool) -> Result<()> {
     let objects = results(lines);
     if json {
-        let summary = serde_json::json!({
-            "schema": "grip.sweep.summary/1",
-            "grasps": lines.len(),
-            "objects": objects,
-        });
-        return output::data(format_args!("{}", serde_json::to_string_pretty(&summary)?));
+        let grasps = lines.len();
+        return output::json(&SweepSummary { schema: SUMMARY_SCHEMA, grasps, objects: &objects });
     }
     let rows = objects.iter().map(|o| {
         let without = o.without_error.as_ref();

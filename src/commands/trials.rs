@@ -4,6 +4,8 @@ use std::time::Instant;
 
 use anyhow::{Result, bail};
 use grip_sim::render;
+use schemars::JsonSchema;
+use serde::Serialize;
 
 use super::Done;
 use super::output::{self, Bar};
@@ -11,10 +13,24 @@ use crate::cli::TrialsArgs;
 use grip::experiment::items;
 use grip::experiment::plan::Plan;
 use grip::experiment::report::p_value;
-use grip::experiment::summary::{cells, pairs};
+use grip::experiment::summary::{Cell, Pairs, cells, pairs};
 use grip::experiment::trials::{self, LeftOut, Ran};
 use grip::score::outcome::TrialResult;
 use grip::workers;
+
+/// Version of what `--json` prints.
+pub const SUMMARY_SCHEMA: &str = "grip.experiment.summary/1";
+
+/// What `--json` prints.
+#[derive(Serialize, JsonSchema)]
+pub struct ExperimentSummary {
+    schema: &'static str,
+    trials: usize,
+    /// Of each scene, condition and estimator.
+    cells: Vec<Cell>,
+    /// Of each two estimators of the same trials.
+    pairs: Vec<Pairs>,
+}
 
 /// Runs what is missing, prints the figures of all.
 pub fn run(args: &TrialsArgs) -> Result<Done> {
@@ -53,13 +69,8 @@ pub fn run(args: &TrialsArgs) -> Result<Done> {
 pub fn print(results: &[TrialResult], json: bool) -> Result<()> {
     let (cells, pairs) = (cells(results), pairs(results));
     if json {
-        let summary = serde_json::json!({
-            "schema": "grip.experiment.summary/1",
-            "trials": results.len(),
-            "cells": cells,
-            "pairs": pairs,
-        });
-        return output::data(format_args!("{}", serde_json::to_string_pretty(&summary)?));
+        let trials = results.len();
+        return output::json(&ExperimentSummary { schema: SUMMARY_SCHEMA, trials, cells, pairs });
     }
     let percent = |share: f64| format!("{:.1}", 100.0 * share);
     let rows = cells.iter().map(|cell| {

@@ -11,15 +11,18 @@ use grip_sim::objects::ObjectModel;
 use grip_sim::scene::Scene;
 use grip_sim::sensor::Sensors;
 use grip_sim::sensor::lens::Lens;
+use schemars::JsonSchema;
 use serde::Serialize;
 
 use crate::setup::{self, Setup};
 
+/// Version of dataset.json.
+pub const SCHEMA: &str = "grip.dataset/1";
 /// Millimetres in a unit of the depth pictures: fine beside every sensor's steps, and reaches 6.5 m.
 pub const DEPTH_SCALE_MM: f64 = 0.1;
 
 /// Where the camera of a data set is.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum CameraPlace {
     /// The robot's head, looking at the scene's `look_at`.
@@ -74,7 +77,7 @@ pub const PAPER_VIEWS: [(&str, &str); 7] = [
 ];
 
 /// One frame of every scene.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub struct View {
     /// Such as `B`; the frame of scene 3 is called `exp003_B`.
     pub name: String,
@@ -83,7 +86,7 @@ pub struct View {
 }
 
 /// A resolved data set. Two equal plans make the same files, byte for byte, on the same renderer.
-#[derive(Debug, Clone, Serialize)]
+#[derive(Debug, Clone, Serialize, JsonSchema)]
 pub struct Plan {
     schema: &'static str,
     program: &'static str,
@@ -143,7 +146,7 @@ impl Plan {
             options.split
         );
         Ok(Self {
-            schema: "grip.dataset/1",
+            schema: SCHEMA,
             program: concat!("grip ", env!("CARGO_PKG_VERSION")),
             seed: setup.seed,
             scenes: options.scenes,

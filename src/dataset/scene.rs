@@ -22,6 +22,7 @@ use grip_sim::sensor;
 use grip_sim::sensor::lens::Lens;
 use nalgebra::Point3;
 use rand::RngExt;
+use schemars::JsonSchema;
 use serde::Serialize;
 
 use super::plan::{CameraPlace, DEPTH_SCALE_MM, Plan, View};
@@ -70,9 +71,12 @@ pub struct Done {
     pub timings: Timings,
 }
 
+/// Version of scene_info.json.
+pub const SCENE_SCHEMA: &str = "grip.dataset-scene/1";
+
 /// `scene_info.json`: what the pictures cannot tell.
-#[derive(Debug, Serialize)]
-struct SceneFile<'a> {
+#[derive(Debug, Serialize, JsonSchema)]
+pub struct SceneFile<'a> {
     schema: &'static str,
     seed: u64,
     objects: Vec<&'a str>,
@@ -81,7 +85,7 @@ struct SceneFile<'a> {
     rejected: Vec<String>,
 }
 
-#[derive(Debug, Serialize)]
+#[derive(Debug, Serialize, JsonSchema)]
 struct FrameInfo<'a> {
     im_id: u32,
     name: String,
@@ -195,7 +199,7 @@ fn attempt(
     let Making { rejected, mut timings, .. } = making;
     let began = Instant::now();
     let info = SceneFile {
-        schema: "grip.dataset-scene/1",
+        schema: SCENE_SCHEMA,
         seed,
         objects: models.iter().map(|model| model.info.name.as_str()).collect(),
         frames: (0..)

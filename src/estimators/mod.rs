@@ -15,6 +15,7 @@ use grip_perception::{PosePosterior, Providers, PyramidCnn, PyramidSettings};
 use grip_sim::frame::CameraFrame;
 use grip_sim::objects::ObjectModel;
 use grip_sim::pose::{Camera, Pose, World};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 
@@ -156,7 +157,7 @@ impl FromStr for EstimatorKind {
 }
 
 /// Who proposes boxes to GRIP.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum DetectorKind {
     /// PyramidCNN: boxes of each object from the colour image.

@@ -8,12 +8,13 @@ use anyhow::{Context, Result, bail, ensure};
 use grip_manip::Planner;
 use grip_sim::bop;
 use grip_sim::condition::ConditionSpec;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use sha2::{Digest, Sha256};
 
 use crate::estimators::{DetectorKind, Estimator, EstimatorKind, NetworkOptions, Recorded};
-use crate::scenario::{Scenario, program};
+use crate::scenario::{Program, Scenario, program};
 use crate::score::outcome::TrialResult;
 use crate::setup::{self, Setup, SetupOptions};
 
@@ -33,7 +34,7 @@ pub const TIMINGS: &str = "timings.jsonl";
 pub const FILMS: &str = "films";
 
 /// A part of an experiment: every `of`-th seed, from the `index`-th on. Trials that are to be compared stay together.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct Shard {
     /// From 1 on.
     pub index: usize,
@@ -54,7 +55,7 @@ impl FromStr for Shard {
 }
 
 /// What identifies a trial within an experiment, in the order in which trials are listed.
-#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, JsonSchema)]
 pub struct Key {
     /// The seed.
     pub seed: u64,
@@ -121,6 +122,25 @@ impl Default for TrialsOptions {
             setup: SetupOptions::default(),
         }
     }
+}
+
+/// experiment.json: all that its trials depend on.
+#[derive(Serialize, JsonSchema)]
+pub struct ExperimentFile<'a> {
+    schema: &'static str,
+    program: Program,
+    /// Of each scene, condition and estimator.
+    trials: u32,
+    first_seed: u64,
+    /// As in scenario.json.
+    estimators: Vec<Value>,
+    /// Of each scene, as in their files.
+    conditions: Vec<&'a [ConditionSpec]>,
+    /// scenario.json of each scene, but for what differs between its trials.
+    scenarios: Vec<Value>,
+    shard: Option<Shard>,
+    /// SHA-256 of the program's file.
+    build_sha256: Option<String>,
 }
 
 /// A scene of the experiment, ready to be run with any seed.
@@ -248,17 +268,17 @@ impl Plan {
             })
             .collect::<Result<Vec<Value>>>()?;
         let conditions: Vec<&[ConditionSpec]> = stages.iter().map(|s| s.conditions.as_slice()).collect();
-        let manifest = serde_json::json!({
-            "schema": SCHEMA,
-            "program": program(),
-            "trials": options.trials,
-            "first_seed": first_seed,
-            "estimators": stages[0].estimators.iter().map(Estimator::description).collect::<Vec<_>>(),
-            "conditions": conditions,
-            "scenarios": scenarios,
-            "shard": options.shard,
-            BUILD: build(),
-        });
+        let manifest = serde_json::to_value(ExperimentFile {
+            schema: SCHEMA,
+            program: program(),
+            trials: options.trials,
+            first_seed,
+            estimators: stages[0].estimators.iter().map(Estimator::description).collect(),
+            conditions,
+            scenarios,
+            shard: options.shard,
+            build_sha256: build(),
+        })?;
         let grasps = options.grasps.clone();
         Ok(Self { stages, cases, first_seed, grasps, renderer, manifest })
     }

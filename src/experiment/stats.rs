@@ -1,6 +1,7 @@
 //! Intervals, tests and fits for shares of successes.
 
 use nalgebra::{DMatrix, DVector};
+use schemars::JsonSchema;
 use serde::Serialize;
 use statrs::distribution::{Binomial, ContinuousCDF, DiscreteCDF, Normal};
 
@@ -46,7 +47,7 @@ pub fn brier(predicted: &[f64], happened: &[bool]) -> f64 {
 }
 
 /// A logistic model of success: P = 1 / (1 + exp(-(b0 + b1 x1 + ...))).
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub struct Logistic {
     /// b0, b1, ...
     pub coefficients: Vec<f64>,

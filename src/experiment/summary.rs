@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 
+use schemars::JsonSchema;
 use serde::Serialize;
 
 use super::plan::Key;
@@ -9,7 +10,7 @@ use super::stats::{mcnemar, wilson};
 use crate::score::outcome::{Outcome, TrialResult};
 
 /// The trials of a scene and condition by one estimator.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub struct Cell {
     /// The scene's name.
     pub scene: String,
@@ -36,7 +37,7 @@ pub struct Cell {
 }
 
 /// Two estimators on the same items.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub struct Pairs {
     /// The scene's name.
     pub scene: String,

@@ -11,6 +11,7 @@ use std::sync::{Mutex, MutexGuard};
 use anyhow::{Result, ensure};
 use grip_sim::bop;
 use grip_sim::render::{self, RendererChoice};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::journal::{self, Journal};
@@ -21,7 +22,7 @@ use crate::trial::{self, Pictures, TrialOptions, film};
 use crate::{pictures, workers};
 
 /// How long a trial took: a line of timings.jsonl.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct TimingLine {
     /// Which trial.
     #[serde(flatten)]
@@ -32,7 +33,7 @@ pub struct TimingLine {
 }
 
 /// A trial without a result, because its objects could not be laid out: a line of left_out.jsonl.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct LeftOut {
     /// Which trial.
     #[serde(flatten)]

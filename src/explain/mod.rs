@@ -15,6 +15,7 @@ use grip_sim::objects;
 use grip_sim::pose::Pose;
 use grip_sim::render::cpu::CpuRenderer;
 use grip_sim::render::{Instance, Lighting, RenderScene, Renderer};
+use schemars::JsonSchema;
 use serde::Serialize;
 
 use crate::assets;
@@ -43,7 +44,7 @@ impl Verdict {
 }
 
 /// Shares of the verdicts among the pixels that something covers; their sum is 1.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, JsonSchema)]
 pub struct Shares {
     /// [`Verdict::Inlier`].
     pub inlier: f64,
@@ -72,7 +73,7 @@ impl Shares {
 }
 
 /// One estimate, as found.
-#[derive(Debug, Clone, Serialize)]
+#[derive(Debug, Clone, Serialize, JsonSchema)]
 pub struct Explained {
     /// Object.
     pub obj_id: u32,

@@ -3,6 +3,7 @@
 use grip_manip::collision::{CollisionBody, CollisionChecker, CollisionPair, CollisionQuery, Margins};
 use grip_manip::{BeliefScene, Planner};
 use rayon::prelude::*;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// Where the joints were at each control period of a trial's motions.
@@ -13,7 +14,7 @@ pub struct JointLog {
 }
 
 /// What the check of a trial's motions found.
-#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct MotionCheck {
     /// Configurations looked at, at most 1 ms apart.
     pub checked: usize,
@@ -25,7 +26,7 @@ pub struct MotionCheck {
 }
 
 /// Two bodies that met for a while.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Meeting {
     /// Simulated seconds since the trial's beginning.
     pub time_s: f64,

@@ -2,6 +2,7 @@
 
 use std::fmt;
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::motion_check::MotionCheck;
@@ -10,7 +11,7 @@ use super::motion_check::MotionCheck;
 pub const TRIAL_SCHEMA: &str = "grip.trial/4";
 
 /// What became of an item. Everything but [`Outcome::Packed`] is a failure.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Outcome {
     /// Grasped, lifted, carried and at rest inside the bin at the end, with nothing knocked out on the way.
@@ -52,7 +53,7 @@ pub enum Outcome {
 }
 
 /// The stage that an item reached.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Stage {
     /// Looking and estimating.
@@ -74,7 +75,7 @@ pub enum Stage {
 }
 
 /// The clauses of a success, each with what was measured. All must hold.
-#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 pub struct Clauses {
     /// Both fingers pressed with opposing normals (dot product at most -0.3) and at least 1 N each, for 25 ms before the
     /// lift began.
@@ -124,7 +125,7 @@ impl Clauses {
 }
 
 /// What the clauses were judged by, in their order. Nothing here decides anything.
-#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 pub struct Measures {
     /// Force of the finger that pressed less when the lift began, newtons.
     pub pinch_n: f64,
@@ -149,7 +150,7 @@ pub struct Measures {
 }
 
 /// One item of a trial.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct ItemResult {
     /// YCB name.
     pub object: String,
@@ -186,7 +187,7 @@ pub struct ItemResult {
 }
 
 /// How the first grasp of an item went, whatever came after it: what pose errors cost without a second chance.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct FirstAttempt {
     /// Mean distance of corresponding model points at the look before it, metres.
     pub add_m: Option<f64>,
@@ -197,7 +198,7 @@ pub struct FirstAttempt {
 }
 
 /// An attempt that did not end with the item released in the bin.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct FailedAttempt {
     /// What the robot noticed.
     pub outcome: Outcome,
@@ -208,7 +209,7 @@ pub struct FailedAttempt {
 }
 
 /// What a trial was like. Nothing here decides whether an item was packed; that is what [`Clauses`] are for.
-#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 pub struct ScoreCard {
     /// Attempts at all items.
     pub attempts: u32,
@@ -233,7 +234,7 @@ pub struct ScoreCard {
 }
 
 /// Something heavy on something that breaks.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct BadPack {
     /// What rests.
     pub above: String,
@@ -267,7 +268,7 @@ impl fmt::Display for ScoreCard {
 }
 
 /// A whole trial.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct TrialResult {
     /// [`TRIAL_SCHEMA`].
     pub schema: String,
@@ -310,7 +311,7 @@ pub struct TrialResult {
 }
 
 /// Wall times of a trial, seconds.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Timing {
     /// The whole trial.
     pub wall_s: f64,
@@ -319,7 +320,7 @@ pub struct Timing {
 }
 
 /// Wall times of an item, seconds.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct ItemTiming {
     /// Estimation of its pose, all looks.
     pub estimate_s: f64,

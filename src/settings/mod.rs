@@ -23,6 +23,7 @@ use grip_manip::{ExecutorSettings, PlannerSettings};
 use grip_perception::PerceptionSettings;
 use grip_physics::PhysicsSettings;
 use grip_sim::sensor::SensorSettings;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use toml::{Table, Value};
 
@@ -30,7 +31,7 @@ pub use self::success::{ScoreSettings, SuccessCriteria};
 pub use self::trial::{BeliefSettings, SweepSettings, TrialSettings};
 
 /// Everything that decides results and is no input of its own (scene, condition, objects, robot, seed).
-#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Settings {
     /// Detectors and estimators.
@@ -90,8 +91,8 @@ impl Settings {
             ("belief", self.belief.validate()),
             ("trial", self.trial.validate()),
             ("sensor", self.sensor.validate()),
-            ("planner", self.planner.problem().map_or(Ok(()), Err)),
-            ("executor", self.executor.problem().map_or(Ok(()), Err)),
+            ("planner", self.planner.validate()),
+            ("executor", self.executor.validate()),
             ("physics", self.physics.validate()),
             ("success", self.success.validate()),
             ("score", self.score.validate()),

@@ -2,11 +2,12 @@
 
 use grip_physics::STEP_HZ;
 use grip_sim::range::within;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// The bounds by which a grasp and a packed item are judged. `pack --strict` prints them beside what was measured; the
 /// clauses that they belong to are those of [`crate::score::outcome::Clauses`].
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct SuccessCriteria {
     /// A finger presses from this force on, newtons; 0.1 to 50. Default 1: well above the solver's noise, well below the
@@ -79,7 +80,7 @@ impl SuccessCriteria {
 }
 
 /// Bounds of the score card. None of them decides whether an item was packed.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct ScoreSettings {
     /// An item is disturbed when a point of it moved farther than this during an attempt at another, metres; 0 to 1.

@@ -1,10 +1,11 @@
 //! How a trial goes, when an estimate is believed in it, and how grasps are tried in a sweep.
 
 use grip_sim::range::within;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// How a trial goes, whoever perceives and plans.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct TrialSettings {
     /// An item is given up after this many attempts; 1 to 100. Default 3.
@@ -38,7 +39,7 @@ impl TrialSettings {
 }
 
 /// When an estimate is believed.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct BeliefSettings {
     /// Below this confidence an estimate is no target, only an obstacle; 0 to 1. Default 0.25.
@@ -69,7 +70,7 @@ impl BeliefSettings {
 }
 
 /// Numbers of a sweep that are no part of its question.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct SweepSettings {
     /// Layouts of a seed that are tried until one has a grasp within reach; 1 to 1000. Default 30.

@@ -16,6 +16,8 @@ pub mod bop;
 pub mod film;
 mod port;
 pub mod report;
+#[cfg(test)]
+mod tests;
 
 use std::path::PathBuf;
 use std::time::Instant;
@@ -601,35 +603,4 @@ fn truth(world: &World, frame: &CameraFrame, asked: &[usize]) -> Estimates {
         (i, PosePosterior::certain(&world.object(i).info.name, pose))
     };
     asked.iter().map(certain).collect()
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::setup::SetupOptions;
-    use grip_sim::render::{RendererChoice, open};
-
-    #[test]
-    fn an_object_that_is_not_believed_is_an_obstacle_where_it_stands() {
-        let setup = Setup::load(&SetupOptions { seed: 4, ..SetupOptions::default() }).unwrap();
-        let (world, _) = setup.drop_objects().unwrap();
-        let mut renderer = open(RendererChoice::Cpu).unwrap();
-        let (frame, _) = setup.capture(&world, renderer.as_mut(), 0).unwrap();
-        let planner = setup.planner();
-        let seen_without = |left_out: Option<usize>| {
-            let asked: Vec<usize> = (0..setup.models.len()).filter(|i| Some(*i) != left_out).collect();
-            let records = vec![ItemRecord::default(); setup.models.len()];
-            let belief = Belief::new(&setup, &frame, &truth(&world, &frame, &asked), &records);
-            planner.unmodelled_obstacles(&belief.scene, &frame, world.joints())
-        };
-        assert_eq!(seen_without(None), [], "everything is known");
-        for i in 0..setup.models.len() {
-            let seen = seen_without(Some(i));
-            let name = &setup.models[i].info.name;
-            assert!(seen.len() > 8, "{name}: {}", seen.len());
-            let centre = world.truth(i).translation();
-            let reach = setup.models[i].diameter / 2.0 + 0.02;
-            assert!(seen.iter().all(|p| (p.coords - centre).norm() < reach), "{name}");
-        }
-    }
 }

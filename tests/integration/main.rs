@@ -17,3 +17,4 @@ mod pack;
 mod plan;
 mod renderers;
 mod scenes;
+mod schemas;

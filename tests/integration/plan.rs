@@ -5,7 +5,7 @@ use std::path::Path;
 
 use crate::common::{code, grip, root, stderr, stdout};
 
-const REQUEST: &str = "
+pub const REQUEST: &str = "
 group_name: arm_with_torso
 start_state:
   joint_state:
@@ -24,7 +24,7 @@ goal_constraints:
 ";
 
 /// A column of this height where the arm swings through.
-fn problem(folder: &Path, number: &str, at: [f64; 2], request: &str) {
+pub fn problem(folder: &Path, number: &str, at: [f64; 2], request: &str) {
     let scene = format!(
         "world: {{collision_objects: [{{id: column, header: {{frame_id: base_link}}, \
          primitives: [{{type: cylinder, dimensions: [1.6, 0.05]}}], \

@@ -3,6 +3,7 @@
 use std::time::Instant;
 
 use rand_chacha::ChaCha8Rng;
+use schemars::JsonSchema;
 use serde::Serialize;
 
 use super::moveit::MotionProblem;
@@ -15,7 +16,7 @@ use crate::motion::{
 use crate::planner::Planner;
 
 /// What became of a problem.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum ProblemStatus {
     /// A path was found, and its trajectory is free at every check.
@@ -31,7 +32,7 @@ pub enum ProblemStatus {
 }
 
 /// A problem's result.
-#[derive(Debug, Clone, Serialize)]
+#[derive(Debug, Clone, Serialize, JsonSchema)]
 pub struct ProblemResult {
     /// The problem.
     pub name: String,

@@ -2,6 +2,7 @@
 
 use grip_sim::objects::ObjectModel;
 use nalgebra::Isometry3;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::piece::Piece;
@@ -35,7 +36,7 @@ pub struct CollisionPair {
 /// How close is too close.
 ///
 /// As a part of [`crate::PlannerSettings`] it may be given in part: each of its two places there has defaults of its own.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Margins {
     /// Robot and held object to fixtures and objects, metres, 0 to 0.2.
@@ -50,13 +51,16 @@ impl Margins {
     /// None: only what overlaps collides.
     pub const TOUCHING: Self = Self { world: 0.0, own: 0.0, spread: 0.0 };
 
-    /// The first field out of its range, in words.
-    pub fn problem(&self) -> Option<String> {
+    /// What is wrong with a value, if anything: the first field out of its range, its value and the range.
+    ///
+    /// # Errors
+    /// That.
+    pub fn validate(&self) -> Result<(), String> {
         Ranges::default()
             .number("world", self.world, 0.0..=0.2, "metres")
             .number("own", self.own, 0.0..=0.1, "metres")
             .number("spread", self.spread, 0.0..=10.0, "a share")
-            .problem()
+            .result()
     }
 }
 

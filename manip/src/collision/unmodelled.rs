@@ -8,6 +8,7 @@ use std::collections::BTreeMap;
 use grip_sim::pose::{Base, World};
 use nalgebra::{Point3, Vector3};
 use parry3d::math::{Pose, Vector};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::checker::CollisionChecker;
@@ -18,7 +19,7 @@ use crate::belief::BeliefScene;
 use crate::ranges::Ranges;
 
 /// Settings of [`unmodelled_obstacles`].
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct UnmodelledSettings {
     /// A reading this near to a believed object is one of it, metres, 0 to 0.2, beside the object's own spread. Default 0.02.
@@ -46,8 +47,11 @@ impl Default for UnmodelledSettings {
 }
 
 impl UnmodelledSettings {
-    /// The first field out of its range, in words.
-    pub fn problem(&self) -> Option<String> {
+    /// What is wrong with a value, if anything: the first field out of its range, its value and the range.
+    ///
+    /// # Errors
+    /// That.
+    pub fn validate(&self) -> Result<(), String> {
         Ranges::default()
             .number("object", self.object, 0.0..=0.2, "metres")
             .number("fixture", self.fixture, 0.0..=0.2, "metres")
@@ -56,7 +60,7 @@ impl UnmodelledSettings {
             .count("readings", self.readings, 1..=100_000)
             .number("reach", self.reach, 0.1..=10.0, "metres")
             .number("height", self.height, 0.01..=10.0, "metres")
-            .problem()
+            .result()
     }
 }
 

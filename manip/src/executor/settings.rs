@@ -1,11 +1,12 @@
 //! Settings of the executor.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::ranges::Ranges;
 
 /// Settings of [`super::execute`].
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct ExecutorSettings {
     /// Contact force that stops a free motion, newtons beside what was felt at its start, 1 to 1000. Default 60.
@@ -83,7 +84,10 @@ impl Default for ExecutorSettings {
 
 impl ExecutorSettings {
     /// The first field out of its range, with its value and its range, in words; none when all can be used.
-    pub fn problem(&self) -> Option<String> {
+    ///
+    /// # Errors
+    /// That.
+    pub fn validate(&self) -> Result<(), String> {
         Ranges::default()
             .number("free_force", self.free_force, 1.0..=1000.0, "newtons")
             .count("force_periods", self.force_periods as usize, 1..=1000)
@@ -105,6 +109,6 @@ impl ExecutorSettings {
             .number("relief_share", self.relief_share, 0.0..=1.0, "a share")
             .number("release_opening", self.release_opening, 0.0..=0.2, "metres")
             .number("release_time", self.release_time, 0.0..=60.0, "seconds")
-            .problem()
+            .result()
     }
 }

@@ -15,12 +15,13 @@ use std::path::{Path, PathBuf};
 
 use grip_sim::objects::ObjectModel;
 use grip_sim::pose::{Gripper, Object, Pose};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::antipodal::GraspCandidate;
 
 /// Version of the format.
-pub const SCHEMA: &str = "grip.grasps/1";
+const SCHEMA: &str = "grip.grasps/1";
 
 /// A file of grasps.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -46,16 +47,27 @@ pub struct GraspSetError {
     pub reason: String,
 }
 
-#[derive(Deserialize)]
-struct File {
+/// What is read of a file of grasps; other fields are let pass.
+#[derive(Deserialize, JsonSchema)]
+pub struct GraspFile {
+    /// `grip.grasps/1`.
     schema: String,
+    /// YCB name.
     object: String,
-    grasps: Vec<FileGrasp>,
+    /// At least one.
+    grasps: Vec<GraspPose>,
 }
 
-#[derive(Deserialize)]
-struct FileGrasp {
+/// A grasp.
+#[derive(Deserialize, JsonSchema)]
+pub struct GraspPose {
+    /// The gripper's frame: origin between the pads, x out along the fingers, y along the closing direction.
     object_from_gripper: Pose<Object, Gripper>,
+}
+
+impl GraspFile {
+    /// The `schema` that this program reads.
+    pub const SCHEMA: &'static str = SCHEMA;
 }
 
 impl GraspSet {
@@ -84,7 +96,7 @@ pub fn read_poses(path: &Path, object: &str) -> Result<Vec<Pose<Object, Gripper>
     let fail = |reason: String| GraspSetError { path: path.to_path_buf(), reason };
     let text = std::fs::read_to_string(path)
         .map_err(|e| fail(format!("{e}; `grip grasps {object} --out DIR` makes one")))?;
-    let file: File = serde_json::from_str(&text).map_err(|e| fail(e.to_string()))?;
+    let file: GraspFile = serde_json::from_str(&text).map_err(|e| fail(e.to_string()))?;
     if file.schema != SCHEMA {
         return Err(fail(format!("schema \"{}\": this program reads \"{SCHEMA}\"", file.schema)));
     }

@@ -1,6 +1,7 @@
 //! How firmly to hold an object.
 
 use grip_sim::objects::{Fragility, ObjectInfo};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::ranges::Ranges;
@@ -9,7 +10,7 @@ use crate::ranges::Ranges;
 const GRAVITY: f64 = 9.81;
 
 /// Settings of [`grip_force`].
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct GripForceSettings {
     /// What the contacts carry, multiples of the object's weight, 1 to 10. Default 1.3: weight and acceleration.
@@ -46,8 +47,11 @@ impl Default for GripForceSettings {
 }
 
 impl GripForceSettings {
-    /// The first field out of its range, in words.
-    pub fn problem(&self) -> Option<String> {
+    /// What is wrong with a value, if anything: the first field out of its range, its value and the range.
+    ///
+    /// # Errors
+    /// That.
+    pub fn validate(&self) -> Result<(), String> {
         Ranges::default()
             .number("load", self.load, 1.0..=10.0, "multiples of the weight")
             .number("safety", self.safety, 1.0..=100.0, "a factor")
@@ -57,7 +61,7 @@ impl GripForceSettings {
             .number("fragile_least", self.fragile_least, 0.0..=1000.0, "newtons")
             .number("delicate_share", self.delicate_share, 0.0..=1.0, "a share")
             .number("fragile_share", self.fragile_share, 0.0..=1.0, "a share")
-            .problem()
+            .result()
     }
 }
 

@@ -12,7 +12,7 @@ mod settings;
 
 pub use antipodal::{GraspCandidate, antipodal_grasps, friction_cone, grasp_at, narrow_opening};
 pub use contact::{PadContact, RayGrid, pad_contact};
-pub use grasp_set::{GraspSet, GraspSetError, read_poses};
+pub use grasp_set::{GraspFile, GraspPose, GraspSet, GraspSetError, read_poses};
 pub use grip_force::{GripForceSettings, grip_force};
 pub use object_grasps::{GraspCache, ObjectGrasps};
 pub use rank::{Grasp, GraspCounters, hand_may_touch, rank_grasps};

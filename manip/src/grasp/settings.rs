@@ -1,11 +1,12 @@
 //! Settings of the search for grasps and of their choice.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::ranges::Ranges;
 
 /// Settings of [`super::antipodal_grasps`].
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct AntipodalSettings {
     /// Surface points drawn, 1 to 1 000 000. Default 1000.
@@ -51,8 +52,11 @@ impl Default for AntipodalSettings {
 }
 
 impl AntipodalSettings {
-    /// The first field out of its range, in words.
-    pub fn problem(&self) -> Option<String> {
+    /// What is wrong with a value, if anything: the first field out of its range, its value and the range.
+    ///
+    /// # Errors
+    /// That.
+    pub fn validate(&self) -> Result<(), String> {
         Ranges::default()
             .count("samples", self.samples, 1..=1_000_000)
             .count("pairs", self.pairs, 1..=100_000)
@@ -64,12 +68,12 @@ impl AntipodalSettings {
             .number("finger_room", self.finger_room, 0.0..=0.2, "metres")
             .number("hand_room", self.hand_room, 0.0..=0.05, "metres")
             .number("overshoot", self.overshoot, 0.0..=0.1, "metres")
-            .problem()
+            .result()
     }
 }
 
 /// Which poses of the object a grasp is scored at.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum GraspAt {
     /// The best one alone.
@@ -80,7 +84,7 @@ pub enum GraspAt {
 }
 
 /// Weights of a grasp's score, each 0 to 100. Each term is between 0 (bad) and 1 (good).
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct GraspWeights {
     /// Approach straight down. Default 1.0: the arm and the bin's walls favour it.
@@ -121,8 +125,11 @@ impl Default for GraspWeights {
 }
 
 impl GraspWeights {
-    /// The first field out of its range, in words.
-    pub fn problem(&self) -> Option<String> {
+    /// What is wrong with a value, if anything: the first field out of its range, its value and the range.
+    ///
+    /// # Errors
+    /// That.
+    pub fn validate(&self) -> Result<(), String> {
         let weights = [
             ("gravity", self.gravity),
             ("lever", self.lever),
@@ -139,12 +146,12 @@ impl GraspWeights {
             .fold(Ranges::default(), |ranges, (field, weight)| {
                 ranges.number(field, weight, 0.0..=100.0, "a weight")
             })
-            .problem()
+            .result()
     }
 }
 
 /// Settings of [`super::rank_grasps`].
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct GraspSettings {
     /// Which poses of the object count, `best` or `posterior`. Default `posterior`.
@@ -212,8 +219,11 @@ impl Default for GraspSettings {
 }
 
 impl GraspSettings {
-    /// The first field out of its range, in words.
-    pub fn problem(&self) -> Option<String> {
+    /// What is wrong with a value, if anything: the first field out of its range, its value and the range.
+    ///
+    /// # Errors
+    /// That.
+    pub fn validate(&self) -> Result<(), String> {
         Ranges::default()
             .number("least_down", self.least_down, -1.0..=1.0, "a cosine")
             .number("margin", self.margin, 0.0..=0.1, "metres")
@@ -229,8 +239,8 @@ impl GraspSettings {
             .number("contact_full", self.contact_full, 0.01..=1.0, "a share")
             .number("spread_full", self.spread_full, 0.0001..=0.1, "metres")
             .number("clearance_full", self.clearance_full, 0.001..=1.0, "metres")
-            .part("antipodal", self.antipodal.problem())
-            .part("weights", self.weights.problem())
-            .problem()
+            .part("antipodal", self.antipodal.validate())
+            .part("weights", self.weights.validate())
+            .result()
     }
 }

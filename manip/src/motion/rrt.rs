@@ -7,6 +7,7 @@ use std::time::Instant;
 
 use rand::{Rng, RngExt};
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::joint_space::JointSpace;
@@ -21,7 +22,7 @@ pub trait Validity {
 }
 
 /// Settings of [`rrt_connect`] and [`shortcut`].
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct RrtSettings {
     /// Longest edge, metres of [`JointSpace::distance`], 0.01 to 10. Default 1.0: some five edges across the work space.
@@ -41,19 +42,22 @@ impl Default for RrtSettings {
 }
 
 impl RrtSettings {
-    /// The first field out of its range, in words.
-    pub fn problem(&self) -> Option<String> {
+    /// What is wrong with a value, if anything: the first field out of its range, its value and the range.
+    ///
+    /// # Errors
+    /// That.
+    pub fn validate(&self) -> Result<(), String> {
         Ranges::default()
             .number("step", self.step, 0.01..=10.0, "metres")
             .number("short_step", self.short_step, 0.001..=10.0, "metres")
             .count("max_iterations", self.max_iterations, 1..=10_000_000)
             .count("shortcuts", self.shortcuts, 0..=100_000)
-            .problem()
+            .result()
     }
 }
 
 /// How a search ended.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, JsonSchema)]
 pub enum SearchStatus {
     /// A path was found.
     Solved,

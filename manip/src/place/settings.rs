@@ -1,11 +1,12 @@
 //! Settings of the choice of a place in the bin.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::ranges::Ranges;
 
 /// Settings of [`super::place_poses`].
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct PlaceSettings {
     /// Edge of a cell of the height map, metres, 0.001 to 0.05. Default 0.005.
@@ -52,8 +53,11 @@ impl Default for PlaceSettings {
 }
 
 impl PlaceSettings {
-    /// The first field out of its range, in words.
-    pub fn problem(&self) -> Option<String> {
+    /// What is wrong with a value, if anything: the first field out of its range, its value and the range.
+    ///
+    /// # Errors
+    /// That.
+    pub fn validate(&self) -> Result<(), String> {
         Ranges::default()
             .number("cell", self.cell, 0.001..=0.05, "metres")
             .count("headings", self.headings, 1..=360)
@@ -66,6 +70,6 @@ impl PlaceSettings {
             .number("tip_cost", self.tip_cost, 0.0..=1e6, "litres")
             .number("distinct_distance", self.distinct_distance, 0.0..=1.0, "metres")
             .number("distinct_angle", self.distinct_angle, 0.0..=std::f64::consts::PI, "radians")
-            .problem()
+            .result()
     }
 }

@@ -5,6 +5,7 @@ use std::sync::Arc;
 
 use grip_sim::frame::CameraFrame;
 use grip_sim::objects::ObjectModel;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::detections::{Detection, Detections, Detector};
@@ -15,7 +16,7 @@ use crate::support::{SupportSettings, fit_support_plane};
 use crate::workspace::Workspace;
 
 /// Settings of [`Clusters`]. Figures in brackets are the defaults.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct ClusterSettings {
     /// Points up to this height over the plane are the plane's, metres, 0 to 1 (0.008): over the noise at 1 m, under the

@@ -6,13 +6,14 @@ use std::sync::Arc;
 use grip_sim::frame::CameraFrame;
 use grip_sim::objects::ObjectModel;
 use rand::Rng;
+use schemars::JsonSchema;
 use serde::{Deserialize, Deserializer, Serialize};
 
 use crate::error::{Error, Result};
 use crate::sampling::sample_by;
 
 /// A box in the image and how much a detector believes that the object is in it.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Detection {
     /// `[u0, v0, u1, v1]`, pixels, `u0 <= u1`, `v0 <= v1`.
@@ -60,7 +61,7 @@ pub(crate) fn iou(a: &[f64; 4], b: &[f64; 4]) -> f64 {
 ///
 /// Every box in it is finite and in order, and every confidence 0 to 1, however it came to be: also what is read from a
 /// file is checked.
-#[derive(Debug, Clone, Default, PartialEq, Serialize)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, JsonSchema)]
 #[serde(transparent)]
 pub struct Detections {
     by_object: BTreeMap<String, Vec<Detection>>,

@@ -1,5 +1,6 @@
 //! Settings of all detectors.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::clusters::ClusterSettings;
@@ -7,7 +8,7 @@ use super::pyramid::PyramidSettings;
 use crate::checks::{Checked, part};
 
 /// Settings of the detectors, each by its name.
-#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct DetectorSettings {
     /// Of the network's image pyramid.

@@ -33,7 +33,7 @@ impl Surface {
             .iter()
             .map(|p| {
                 let p = estimate_from_truth.transform_point(p);
-                let nearest = self.tree.nearest_neighbor(&[p.x, p.y, p.z]);
+                let nearest = self.tree.nearest_neighbor([p.x, p.y, p.z]);
                 nearest.map_or(0.0, |q| nalgebra::distance(&p, &Point3::from(*q)))
             })
             .sum();

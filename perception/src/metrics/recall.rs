@@ -1,6 +1,7 @@
 //! From errors to the average recall of the BOP challenge (since 2019): estimates are matched with instances for each metric
 //! and threshold of its own.
 
+use schemars::JsonSchema;
 use serde::Serialize;
 
 /// Thresholds of correctness and tolerances of VSD, each as a share of something: of the diameter for MSSD and for VSD's
@@ -132,7 +133,7 @@ fn found(
 }
 
 /// Average recall as in the BOP challenge, 0 to 1; null where a metric cannot be measured for all instances. 0 for no instances.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub struct AverageRecall {
     /// Mean of the three that follow.
     pub ar: Option<f64>,

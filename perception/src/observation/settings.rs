@@ -1,12 +1,13 @@
 //! How a frame is prepared for the filters.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::checks::{Checked, part, within};
 use crate::support::SupportSettings;
 
 /// Settings of [`super::Observation`]. Figures in brackets are the defaults.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct ObservationSettings {
     /// A rendered point this far from the observed one is no inlier, metres, 0.0001 to 0.1 (0.007; the paper: 0.005). On

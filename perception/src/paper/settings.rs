@@ -1,5 +1,6 @@
 //! Settings of the method as published, with where each is published.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::checks::{Checked, part, within};
@@ -9,7 +10,7 @@ use crate::support::SupportSettings;
 pub(super) const MAX_WINDOW: usize = 5;
 
 /// What a neighbour without a point adds to the smoothness of a surface; the paper does not say.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum Holes {
     /// Nothing: it is no neighbour. The literal reading: the sum is over points.
@@ -19,7 +20,7 @@ pub enum Holes {
 }
 
 /// Which points of a window are its features when there are more than may be.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum Ranking {
     /// Edges with the largest and planar points with the smallest c. The literal reading ("largest and smallest c values").
@@ -29,7 +30,7 @@ pub enum Ranking {
 }
 
 /// Where the centre of a hypothesis must project to.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum Centre {
     /// Anywhere. The literal reading.
@@ -42,7 +43,7 @@ pub enum Centre {
 
 /// Settings of [`PaperEstimator`](crate::PaperEstimator). The default is the published method, read literally; section and equation
 /// numbers are those of Chen et al. 2019.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct PaperSettings {
     /// Samples an object (Implementation: 625).

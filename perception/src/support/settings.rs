@@ -1,11 +1,12 @@
 //! How the support plane is searched.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::checks::{Checked, not_negative, within};
 
 /// Settings of [`super::fit_support_plane`]. Figures in brackets are the defaults.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct SupportSettings {
     /// Whether a support plane is looked for at all (true).

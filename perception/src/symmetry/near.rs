@@ -62,7 +62,7 @@ fn laid_on(points: &[Vector3<f32>], surface: &RTree<[f32; 3]>, radius: f32) -> (
     let mut near = 0.0;
     let offset = |p: &Vector3<f32>, shift: &Vector3<f32>| {
         let moved = p + shift;
-        let nearest = surface.nearest_neighbor(&[moved.x, moved.y, moved.z]);
+        let nearest = surface.nearest_neighbor([moved.x, moved.y, moved.z]);
         nearest.map_or_else(Vector3::zeros, |q| Vector3::from(*q) - moved)
     };
     for round in 0..=ROUNDS {

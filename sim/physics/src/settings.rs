@@ -3,10 +3,11 @@
 //! The control rate is no setting: [`STEP_HZ`](crate::STEP_HZ) is a constant, since plans are timed for it.
 
 use grip_sim::range::within;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// Settings of a [`World`](crate::World), and of how objects are laid out in it.
-#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct PhysicsSettings {
     /// How the engine solves contacts.
@@ -29,7 +30,7 @@ pub struct PhysicsSettings {
 ///
 /// Measured on eleven grasps (close, lift 0.3 m, hold 3 s, shake): with rapier's defaults 8 of 11 hold and foam is pressed
 /// in by 31 mm; with these 11 of 11, creep at most 0.02 mm.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct SolverSettings {
     /// Iterations of the constraint solver a step, 1 to 100. Default 8.
@@ -64,7 +65,7 @@ impl Default for SolverSettings {
 }
 
 /// What resists the motion of objects, and how hard they are struck.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct ObjectSettings {
     /// Coefficient of rolling resistance, 0 to 1: the lever arm of the resisting torque as a share of the object's size.
@@ -98,7 +99,7 @@ impl Default for ObjectSettings {
 }
 
 /// The servos of the joints that are not fingers.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct ServoSettings {
     /// Bandwidth, 1/s, 1 to 240: how fast a position error decays when no limit is active. Default 60.
@@ -117,7 +118,7 @@ impl Default for ServoSettings {
 }
 
 /// The two fingers: dynamic bodies on force-limited drives.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct FingerSettings {
     /// Stiffness of a drive, N/m, 1 to 1e6. Default 20000.
@@ -158,7 +159,7 @@ impl Default for FingerSettings {
 }
 
 /// The protective stop of the arm.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct StopSettings {
     /// Normal force on a link that is no finger that trips it, newtons, 1 to 1e4. Default 80, of the order of what joint
@@ -181,7 +182,7 @@ impl Default for StopSettings {
 }
 
 /// How objects are put on the table before a trial.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct PlacementSettings {
     /// Layouts tried before the scene is called infeasible, 1 to 10000. Default 40.
@@ -243,7 +244,7 @@ impl Default for PlacementSettings {
 
 /// The coarser world of [`World::for_layout`](crate::World::for_layout): a third of the steps a second, a fraction of the
 /// work in each, and air as thick as oil, in which what rolls and tips comes to rest where it would anyway, but soon.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct LayoutSettings {
     /// Iterations of the constraint solver a step, 1 to 100. Default 2.

@@ -9,6 +9,7 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::format;
@@ -21,7 +22,7 @@ use crate::{Error, Result};
 const IGNORED_BELOW: f64 = 0.1;
 
 /// A COCO file.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Coco {
     /// About the set.
     pub info: Info,
@@ -36,7 +37,7 @@ pub struct Coco {
 }
 
 /// About the set.
-#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[expect(missing_docs, reason = "COCO's own names")]
 pub struct Info {
     pub description: String,
@@ -48,7 +49,7 @@ pub struct Info {
 }
 
 /// An object.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct Category {
     /// Object id.
     pub id: u32,
@@ -59,7 +60,7 @@ pub struct Category {
 }
 
 /// An image.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[expect(missing_docs, reason = "COCO's own names")]
 pub struct ImageEntry {
     pub id: u32,
@@ -74,7 +75,7 @@ pub struct ImageEntry {
 }
 
 /// An instance.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Annotation {
     /// From 1.
     pub id: u32,
@@ -99,7 +100,7 @@ pub struct Annotation {
 }
 
 /// A mask as run lengths, column after column from the top left; the first run is of pixels that are not set.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct Rle {
     /// Lengths of the runs.
     pub counts: Vec<u32>,

@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use nalgebra::{Isometry3, Matrix3, Point3, Rotation3, Translation3, Unit, UnitQuaternion, Vector3, Vector4};
+use schemars::JsonSchema;
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Deserializer, Serialize};
 
@@ -16,7 +17,7 @@ pub(super) const MILLIMETRE: f64 = 1e-3;
 const ROTATION_TOLERANCE: f64 = 1e-3;
 
 /// `camera.json`: the sensor, for simulation.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct CameraFile {
     /// Columns.
     pub width: usize,
@@ -36,7 +37,7 @@ pub struct CameraFile {
 }
 
 /// One image of `scene_camera.json`.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct CameraEntry {
     /// Intrinsic matrix, row by row.
     #[serde(rename = "cam_K", deserialize_with = "numbers")]
@@ -62,7 +63,7 @@ pub struct CameraEntry {
 }
 
 /// One instance in an image of `scene_gt.json`.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct GtEntry {
     /// Rotation from model to camera, row by row.
     #[serde(rename = "cam_R_m2c", deserialize_with = "numbers")]
@@ -75,7 +76,7 @@ pub struct GtEntry {
 }
 
 /// One instance in an image of `scene_gt_info.json`; see [`gt_info`](super::gt_info()) for how it is measured.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct GtInfo {
     /// Box of the whole silhouette, also outside of the image: x, y, then largest less smallest column and row. All -1
     /// where nothing is visible.
@@ -93,7 +94,7 @@ pub struct GtInfo {
 }
 
 /// One entry of `test_targets_bop19.json`.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, JsonSchema)]
 pub struct Target {
     /// Scene.
     pub scene_id: u32,
@@ -115,7 +116,7 @@ pub type SceneGtInfo = BTreeMap<u32, Vec<GtInfo>>;
 pub type ModelsFile = BTreeMap<u32, ModelFile>;
 
 /// One object of `models_info.json`, millimetres.
-#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[expect(missing_docs, reason = "the file's own names; see `ModelInfo` for their meaning")]
 pub struct ModelFile {
     pub diameter: f64,
@@ -132,7 +133,7 @@ pub struct ModelFile {
 }
 
 /// An axis of revolution in `models_info.json`.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct AxisFile {
     /// Direction, of any length.
     #[serde(deserialize_with = "numbers")]

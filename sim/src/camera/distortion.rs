@@ -1,12 +1,13 @@
 //! Lens distortion after Brown (1966), in OpenCV's order and formulas.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::Intrinsics;
 
 /// Distortion of a lens: radial k1, k2, k3 and tangential p1, p2, all without unit. In OpenCV's order, `(k1, k2, p1, p2,
 /// k3)` (calib3d, "Camera Calibration and 3D Reconstruction"). The default is a lens that distorts nothing.
-#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Distortion {
     /// Share of r^2: negative for barrels, positive for pincushions.

@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use schemars::JsonSchema;
 use serde::Deserialize;
 
 use super::{ObjectInfo, symmetry};
@@ -13,11 +14,13 @@ use crate::{Error, Result};
 pub const SCHEMA: &str = "grip.object-table/1";
 
 /// The file as it is written.
-#[derive(Debug, Deserialize)]
+#[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
-struct Table {
-    schema: String,
-    objects: Vec<ObjectInfo>,
+pub struct ObjectTable {
+    /// `grip.object-table/1`.
+    pub schema: String,
+    /// At least one.
+    pub objects: Vec<ObjectInfo>,
 }
 
 /// Reads and checks the table, in the order of the file.
@@ -26,12 +29,13 @@ struct Table {
 /// [`Error::Io`] if the file cannot be read; [`Error::Invalid`] with object, field and value for anything wrong in it.
 pub fn load(path: &Path) -> Result<Vec<ObjectInfo>> {
     let text = files::read_to_string(path)?;
-    let table: Table = toml::from_str(&text).map_err(|error| Error::invalid(path, error.to_string()))?;
+    let table: ObjectTable =
+        toml::from_str(&text).map_err(|error| Error::invalid(path, error.to_string()))?;
     check(&table).map_err(|message| Error::invalid(path, message))?;
     Ok(table.objects)
 }
 
-fn check(table: &Table) -> std::result::Result<(), String> {
+fn check(table: &ObjectTable) -> std::result::Result<(), String> {
     if table.schema != SCHEMA {
         return Err(format!("schema = \"{}\": this program reads \"{SCHEMA}\"", table.schema));
     }

@@ -19,6 +19,7 @@ pub mod wgpu;
 use std::sync::Arc;
 
 use nalgebra::{Isometry3, Point3, Vector3};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::camera::Intrinsics;
@@ -100,12 +101,14 @@ impl Bounce {
 }
 
 /// One light source, in the world frame.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Light {
     /// Position, metres.
+    #[schemars(with = "[f64; 3]")]
     pub position: Vector3<f64>,
     /// The point it aims at, metres.
+    #[schemars(with = "[f64; 3]")]
     pub target: Vector3<f64>,
     /// Luminous intensity on the axis, candela.
     pub intensity_cd: f64,
@@ -136,7 +139,7 @@ fn casts_shadows() -> bool {
 }
 
 /// The light in the room.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Lighting {
     /// Illuminance of the ambient light on a surface that faces up, lux; surfaces that face down get 40 % of it.
@@ -191,7 +194,7 @@ pub trait Renderer: Send {
 }
 
 /// Which renderer to use.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum RendererChoice {
     /// wgpu where an adapter exists, else cpu, saying so once.

@@ -5,6 +5,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
 use nalgebra::Vector3;
+use schemars::JsonSchema;
 use serde::Deserialize;
 
 use super::{JointKind, RobotModel, list};
@@ -95,11 +96,14 @@ pub struct GripperConfig {
     pub max_force: f64,
 }
 
-#[derive(Deserialize)]
+/// The file of a robot's configuration: what a URDF does not say.
+#[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
-struct File {
+pub struct RobotConfigFile {
     groups: GroupsFile,
+    /// Named poses: joints and their positions, radians or metres.
     poses: BTreeMap<String, BTreeMap<String, f64>>,
+    /// What planning keeps to, by joint; lower than the URDF's.
     limits: BTreeMap<String, LimitsFile>,
     camera: CameraFile,
     head: HeadFile,
@@ -108,50 +112,71 @@ struct File {
     self_collision: SelfCollisionFile,
 }
 
-#[derive(Deserialize)]
+/// Groups of joints.
+#[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 struct GroupsFile {
+    /// The arm's joints, shoulder to wrist.
     arm: Vec<String>,
+    /// The torso and the arm's joints.
     arm_with_torso: Vec<String>,
+    /// The joints of the two fingers.
     gripper: [String; 2],
 }
 
-#[derive(Deserialize)]
+/// Limits of a joint in planned motion.
+#[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 struct LimitsFile {
+    /// Radians or metres a second.
     velocity: f64,
+    /// Radians or metres a second squared.
     acceleration: f64,
 }
 
-#[derive(Deserialize)]
+/// The head camera.
+#[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 struct CameraFile {
+    /// The link whose z looks out, x right, y down.
     optical_link: String,
+    /// Name of those used where a scene names none.
     default_intrinsics: String,
+    /// By name.
     intrinsics: BTreeMap<String, Intrinsics>,
 }
 
-#[derive(Deserialize)]
+/// The joints that point the head.
+#[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 struct HeadFile {
     pan: String,
     tilt: String,
 }
 
-#[derive(Deserialize)]
+/// A gripper of two parallel fingers.
+#[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 struct GripperFile {
+    /// The link between the fingers: x out along them, y along the closing direction.
     link: String,
+    /// Half of a pad's extents in the frame of its finger, metres.
     pad_half_extents: [f64; 3],
+    /// Where the pads are in the frames of their fingers, metres.
     pad_centers: [[f64; 3]; 2],
+    /// Widest opening between the pads, metres.
     opening: f64,
+    /// Length of the fingers from the palm's front to the tips, metres.
     finger_depth: f64,
+    /// Highest closing force of a finger, newtons.
     max_force: f64,
 }
 
-#[derive(Deserialize, Default)]
+/// Collisions of the robot with itself that are none.
+#[derive(Deserialize, JsonSchema, Default)]
 #[serde(deny_unknown_fields)]
 struct SelfCollisionFile {
+    /// Pairs of links.
     allowed: Vec<[String; 2]>,
 }
 
@@ -163,7 +188,8 @@ impl RobotConfig {
     /// have, a pose is out of limits, or a number makes no sense. The message names file and field.
     pub fn load(path: &Path, robot: &RobotModel) -> Result<Self> {
         let text = files::read_to_string(path)?;
-        let file: File = toml::from_str(&text).map_err(|error| Error::invalid(path, error.to_string()))?;
+        let file: RobotConfigFile =
+            toml::from_str(&text).map_err(|error| Error::invalid(path, error.to_string()))?;
         check(file, robot).map_err(|message| Error::invalid(path, message))
     }
 
@@ -220,7 +246,7 @@ impl NamedPose {
     }
 }
 
-fn check(file: File, robot: &RobotModel) -> std::result::Result<RobotConfig, String> {
+fn check(file: RobotConfigFile, robot: &RobotModel) -> std::result::Result<RobotConfig, String> {
     let joint =
         |field: &str, name: &str| robot.joint_index(name).map_err(|error| format!("{field}: {error}"));
     let link = |field: &str, name: &str| robot.link_index(name).map_err(|error| format!("{field}: {error}"));

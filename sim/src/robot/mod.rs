@@ -48,7 +48,9 @@ use std::sync::Arc;
 
 use nalgebra::{Isometry3, Matrix3, Point3, Unit, Vector3};
 
-pub use config::{CameraConfig, GripperConfig, HeadConfig, NamedPose, PlanningLimits, RobotConfig};
+pub use config::{
+    CameraConfig, GripperConfig, HeadConfig, NamedPose, PlanningLimits, RobotConfig, RobotConfigFile,
+};
 pub use ik::{IkOutcome, IkRequest};
 pub use lanes::{GroupKinematics, Pose8};
 

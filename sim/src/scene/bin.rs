@@ -1,6 +1,7 @@
 //! The bin that is packed, and the solids that it is built of.
 
 use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::fixture::{BinKind, Fixture, FixtureKind, block, default_friction};
@@ -11,7 +12,7 @@ const TOTE_LEAN: f64 = 0.14;
 const SLAT: [f64; 2] = [0.036, 0.018];
 
 /// An open bin with a floor and four walls.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Bin {
     /// `carton`, the default, `crate`, `tote` or `bag`.

@@ -2,6 +2,7 @@
 
 use nalgebra::{Isometry3, Point3, UnitQuaternion, Vector3};
 use rand::Rng;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::camera::Intrinsics;
@@ -9,7 +10,7 @@ use crate::pose::{Camera, Pose, World};
 use crate::range::Range;
 
 /// The head camera.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct CameraSetup {
     /// A preset: `fetch` or `grip-paper`.
@@ -22,7 +23,7 @@ pub struct CameraSetup {
 }
 
 /// A camera that looks from anywhere around at the middle of the objects' region.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Sphere {
     /// From that point, metres.
@@ -80,7 +81,7 @@ impl Sphere {
 }
 
 /// Named intrinsics.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum IntrinsicsPreset {
     /// [`Intrinsics::FETCH`].

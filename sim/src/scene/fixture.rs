@@ -1,12 +1,13 @@
 //! Solids that never move, as the scene is built of them.
 
 use nalgebra::{Isometry3, Vector3};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::shape::{CollisionShape, Convex};
 
 /// How a bin is built and what it looks like. All are rigid: a bag stands open, as one does in a packing frame.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum BinKind {
     /// Straight walls of cardboard.

@@ -2,12 +2,13 @@
 
 use rand::RngExt;
 use rand::seq::index;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::pose::{Object, Pose, World};
 
 /// What lies on the table and how it got there.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ObjectPlacement {
     /// Objects by YCB name; each at most once.
@@ -30,7 +31,7 @@ pub struct ObjectPlacement {
 }
 
 /// A number of objects, drawn evenly from `min` to `max`.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Count {
     /// At least so many.
@@ -51,7 +52,7 @@ impl ObjectPlacement {
 }
 
 /// An object at a place of its own.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct PlacedObject {
     /// YCB name; must be among the scene's names.

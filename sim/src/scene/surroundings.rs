@@ -1,9 +1,10 @@
 //! How the surroundings look.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// How the surroundings look. What is solid, and where, is the same in both.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum Surroundings {
     /// A beech table, a cardboard bin, grey linoleum, white plaster. The seed varies the wood's grain only.

@@ -1,12 +1,13 @@
 //! The table.
 
 use nalgebra::Isometry3;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::fixture::{Fixture, FixtureKind, block, default_friction};
 
 /// A rectangular table, sides along the world axes.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Table {
     /// Centre of the top, metres.

@@ -5,6 +5,7 @@
 
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::RowStreams;
@@ -15,7 +16,7 @@ use crate::render::Lighting;
 use crate::render::srgb::encode_8bit;
 
 /// A colour sensor behind its lens.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct ColorSensor {
     /// Electrons a pixel gathers in one second from 1 cd/m^2, 1 to 1e6. The default, 2560: f/2 lens of 90 % transmission (0.177 lux on

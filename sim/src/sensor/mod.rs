@@ -8,6 +8,7 @@ mod normal;
 use rand::RngExt;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use self::color::ColorSensor;
@@ -30,7 +31,7 @@ pub struct Sensors {
 }
 
 /// Settings of the sensors that a scene may name.
-#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct SensorSettings {
     /// Colour.

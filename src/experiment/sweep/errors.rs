@@ -7,10 +7,11 @@ use grip_sim::rng;
 use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 use rand::RngExt;
 use rand_distr::{Distribution, UnitSphere};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// A direction in the gripper's frame.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum Axis {
     /// Along the fingers: the approach.
@@ -67,7 +68,7 @@ impl FromStr for Axis {
 }
 
 /// Where the hand goes instead, seen from where it should.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct PoseError {
     /// The one axis that it is along, if it is.
     pub axis: Option<Axis>,
@@ -118,7 +119,7 @@ impl PoseError {
 }
 
 /// An error to be tried at each layout.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum ErrorCase {
     /// The same at all.

@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 
 use grip_sim::rng;
 use rand::RngExt;
+use schemars::JsonSchema;
 use serde::Serialize;
 
 use super::GraspLine;
@@ -15,7 +16,7 @@ use crate::experiment::stats::{Logistic, wilson};
 const RESAMPLES: usize = 200;
 
 /// Grasps under one error.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub struct Share {
     /// The error: metres or radians.
     pub value: f64,
@@ -37,7 +38,7 @@ impl Share {
 }
 
 /// A logistic curve of the chance to hold over an error that grows from 0.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub struct Fall {
     /// The curve.
     pub model: Logistic,
@@ -111,7 +112,7 @@ fn sudden(points: &[Point], d50: f64) -> Option<[f64; 2]> {
 }
 
 /// Errors along one axis.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub struct AxisResult {
     /// Which.
     pub axis: Axis,
@@ -122,7 +123,7 @@ pub struct AxisResult {
 }
 
 /// Everything about one object.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub struct ObjectResult {
     /// Its name.
     pub object: String,

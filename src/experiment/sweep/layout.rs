@@ -9,6 +9,7 @@ use grip_perception::metrics;
 use grip_sim::objects::ObjectModel;
 use grip_sim::pose::{Object, Pose, World as WorldFrame};
 use nalgebra::{Isometry3, Point3};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::{GraspLine, Sweep};
@@ -18,7 +19,7 @@ use crate::setup::Setup;
 use crate::trial::{SharedWorld, WorldPort};
 
 /// What became of a grasp.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum GraspOutcome {
     /// Lifted, shaken and still in place in the hand.

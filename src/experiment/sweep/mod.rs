@@ -16,33 +16,59 @@ use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
 use anyhow::{Context, Result, anyhow, bail, ensure};
 use grip_manip::{Grasp, GraspAt, Planner};
+use grip_sim::scene::Scene;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use serde_json::{Value, json};
+use serde_json::Value;
 
 use self::errors::{Axis, ErrorCase, PoseError, along_axes, isotropic};
 use self::layout::{GraspOutcome, Layout};
 use super::journal::{self, Journal};
 use super::plan;
 use crate::progress::Progress;
-use crate::scenario;
+use crate::scenario::{self, ObjectEntry, Program, RobotEntry};
+use crate::settings::Settings;
 use crate::setup::{Setup, SetupOptions};
 use crate::workers;
 
 /// Version of sweep.json.
-const SCHEMA: &str = "grip.sweep/2";
+pub const SCHEMA: &str = "grip.sweep/2";
 /// What a sweep is, in its folder.
 pub const MANIFEST: &str = "sweep.json";
 /// Its results, a grasp a line.
 pub const GRASPS: &str = "grasps.jsonl";
 
 /// Which grasp is tried.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum Strategy {
     /// The one that the planner chooses for each layout.
     Planned,
     /// One for each object: what the planner chooses for its first layout.
     Fixed,
+}
+
+/// sweep.json: all that its grasps depend on.
+#[derive(Serialize, JsonSchema)]
+pub struct SweepFile<'a> {
+    schema: &'static str,
+    program: Program,
+    /// SHA-256 of the program's file.
+    build_sha256: Option<String>,
+    objects: Vec<ObjectEntry<'a>>,
+    object_set: &'a str,
+    first_seed: u64,
+    seeds: u32,
+    strategy: Strategy,
+    /// Of the objects, where it is not their own.
+    friction: Option<f64>,
+    /// Of the fingers, where it is not the planner's, newtons.
+    force_n: Option<f64>,
+    /// The errors; `case` of a grasp is a position in it.
+    cases: &'a [ErrorCase],
+    robot: RobotEntry<'a>,
+    scene: &'a Scene,
+    settings: &'a Settings,
 }
 
 /// Which errors are tried at each layout.
@@ -107,7 +133,7 @@ impl Default for SweepOptions {
 }
 
 /// A grasp that was tried.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct GraspLine {
     /// The object's name.
     pub object: String,
@@ -230,26 +256,27 @@ impl Sweep {
 
     /// sweep.json.
     fn manifest(&self) -> Result<Value> {
-        Ok(json!({
-            "schema": SCHEMA,
-            "program": scenario::program(),
-            plan::BUILD: plan::build(),
-            "objects": self.objects.iter().map(|name| self.object(name)).collect::<Result<Vec<Value>>>()?,
-            "object_set": self.setup.library.set().label(),
-            "first_seed": self.seeds.0,
-            "seeds": self.seeds.1,
-            "strategy": self.strategy,
-            "friction": self.friction,
-            "force_n": self.force_n,
-            "cases": self.cases,
-            "robot": scenario::robot(&self.setup),
-            "scene": self.setup.cell.scene,
-            "settings": *self.setup.settings,
-        }))
-    }
-
-    fn object(&self, name: &str) -> Result<Value> {
-        Ok(scenario::object(&*self.setup.library.load(name)?))
+        let models = self
+            .objects
+            .iter()
+            .map(|name| self.setup.library.load(name))
+            .collect::<std::result::Result<Vec<_>, _>>()?;
+        Ok(serde_json::to_value(SweepFile {
+            schema: SCHEMA,
+            program: scenario::program(),
+            build_sha256: plan::build(),
+            objects: models.iter().map(|model| scenario::object(model)).collect(),
+            object_set: self.setup.library.set().label(),
+            first_seed: self.seeds.0,
+            seeds: self.seeds.1,
+            strategy: self.strategy,
+            friction: self.friction,
+            force_n: self.force_n,
+            cases: &self.cases,
+            robot: scenario::robot(&self.setup),
+            scene: &self.setup.cell.scene,
+            settings: &self.setup.settings,
+        })?)
     }
 
     /// Makes the sweep's folder, or makes sure that it is the same sweep that goes on.

@@ -1,16 +1,16 @@
 //! What an ONNX file of a detector does not say of itself.
 
 use grip_sim::objects::ObjectModel;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::error::{Error, Result};
 
-const SCHEMA: &str = "grip.detector/1";
 /// Models of one object, built in and scanned, differ in diameter by less than this share.
 const SAME_DIAMETER: f64 = 0.1;
 
 /// The description of a detector, a JSON file beside its ONNX file.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct DetectorDescription {
     /// `grip.detector/1`.
@@ -28,7 +28,7 @@ pub struct DetectorDescription {
 }
 
 /// An object that a detector was trained on.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct KnownObject {
     /// Such as `005_tomato_soup_can`.
@@ -40,14 +40,17 @@ pub struct KnownObject {
 }
 
 impl DetectorDescription {
+    /// The `schema` that this program reads.
+    pub const SCHEMA: &'static str = "grip.detector/1";
+
     /// Reads and checks it; `file` is for messages.
     pub(super) fn parse(text: &str, file: &str) -> Result<Self> {
         let bad = |message: String| Err(Error::Detector(format!("{file}: {message}")));
         let read: Self = serde_json::from_str(text).map_err(|e| {
             Error::Detector(format!("{file}: {e}; perception/models/pyramid.json shows the format"))
         })?;
-        if read.schema != SCHEMA {
-            return bad(format!("schema = {:?}: this program reads {SCHEMA:?}", read.schema));
+        if read.schema != Self::SCHEMA {
+            return bad(format!("schema = {:?}: this program reads {:?}", read.schema, Self::SCHEMA));
         }
         if read.objects.is_empty() || read.objects.len() > 10_000 {
             return bad(format!("objects: has {}; 1 to 10000 are needed", read.objects.len()));

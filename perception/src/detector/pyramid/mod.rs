@@ -19,7 +19,9 @@ use std::fmt;
 use std::path::Path;
 use std::sync::Arc;
 
-use fast_image_resize::{FilterType, PixelType, ResizeAlg, ResizeOptions, Resizer, images};
+use fast_image_resize::images::{TypedImage, TypedImageRef};
+use fast_image_resize::pixels::U8x3;
+use fast_image_resize::{FilterType, ResizeAlg, ResizeOptions, Resizer};
 use grip_sim::frame::CameraFrame;
 use grip_sim::images::RgbImage;
 use grip_sim::objects::ObjectModel;
@@ -194,11 +196,12 @@ impl Detector for PyramidCnn {
 /// is what training pictures are made with (Pillow's `BILINEAR`).
 fn planes(image: &RgbImage, width: usize, height: usize) -> Result<Vec<f32>> {
     let failed = |e: &dyn std::fmt::Display| Error::Frame(format!("cannot resize the image: {e}"));
-    let source = images::ImageRef::new(image.width(), image.height(), image.as_raw(), PixelType::U8x3)
+    // Typed: otherwise the code of all kinds of pixels is compiled, which was half of this crate.
+    let source = TypedImageRef::<U8x3>::from_buffer(image.width(), image.height(), image.as_raw())
         .map_err(|e| failed(&e))?;
-    let mut target = images::Image::new(width as u32, height as u32, PixelType::U8x3);
+    let mut target = TypedImage::<U8x3>::new(width as u32, height as u32);
     let options = ResizeOptions::new().resize_alg(ResizeAlg::Convolution(FilterType::Bilinear));
-    Resizer::new().resize(&source, &mut target, &options).map_err(|e| failed(&e))?;
-    let pixels = target.buffer();
-    Ok((0..3).flat_map(|c| pixels.iter().skip(c).step_by(3).map(|&x| f32::from(x) / 255.0)).collect())
+    Resizer::new().resize_typed(&source, &mut target, &options).map_err(|e| failed(&e))?;
+    let pixels = target.pixels();
+    Ok((0..3).flat_map(|c| pixels.iter().map(move |pixel| f32::from(pixel.0[c]) / 255.0)).collect())
 }

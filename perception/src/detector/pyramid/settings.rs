@@ -1,11 +1,12 @@
 //! How the image pyramid is built and its heat maps are read.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::checks::{Checked, within};
 
 /// Settings of [`super::PyramidCnn`]. Figures in brackets are the defaults.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct PyramidSettings {
     /// Longer side of the boxes of the pyramid's finest level, pixels of the image, 8 to 1000 (56.6): few objects are smaller,

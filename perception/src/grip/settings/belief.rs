@@ -1,11 +1,12 @@
 //! From scores to weights and confidence.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::checks::{Checked, positive, within};
 
 /// What scores are worth as probabilities. Figures in brackets are the defaults.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct BeliefSettings {
     /// Temperature of the particle weights that are handed out, over 0 (0.03): two runs' scores at one place differ by about

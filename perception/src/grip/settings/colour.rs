@@ -1,11 +1,12 @@
 //! Colour where depth cannot decide.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::checks::{Checked, positive, within};
 
 /// When colour may decide between poses that depth cannot tell apart. Figures in brackets are the defaults.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct ColourSettings {
     /// Whether it may (true; the paper: not). Switched off, poses are left as depth has them.

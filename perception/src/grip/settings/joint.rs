@@ -1,12 +1,13 @@
 //! All objects of a frame together.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::checks::{Checked, within};
 
 /// How objects are looked at together, after each was searched on its own. Figures of scores, which are about 0 to 1, unless
 /// said; those in brackets are the defaults.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct JointSettings {
     /// Whether they are (true; the paper: not).

@@ -31,6 +31,7 @@ mod proposal;
 mod score;
 mod search;
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 pub use self::belief::BeliefSettings;
@@ -46,7 +47,7 @@ use crate::observation::ObservationSettings;
 
 /// Settings of [`GripEstimator`](crate::GripEstimator), a part for each step, in the order of the steps. Figures in brackets
 /// are the defaults, and the paper's where it has the quantity.
-#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct GripSettings {
     /// How a frame is prepared: tolerances, edges, the support plane.

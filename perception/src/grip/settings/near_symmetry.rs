@@ -1,5 +1,6 @@
 //! A result against its near-symmetric poses.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::checks::{Checked, not_negative, positive, within};
@@ -7,7 +8,7 @@ use crate::observation::Stride;
 
 /// How a result is compared with itself, turned so that it nearly lies on itself: boxes, clamps, mugs, whose scores differ
 /// little then. Figures in brackets are the defaults.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct NearSymmetrySettings {
     /// Whether it is (true).

@@ -1,11 +1,12 @@
 //! The first hypotheses.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::checks::{Checked, within};
 
 /// How the first hypotheses are drawn from boxes. Figures in brackets are the defaults.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct ProposalSettings {
     /// Least share of proposals that are drawn from the whole image and not from boxes, 0 to 1 (0.1; the paper: 0). Where the

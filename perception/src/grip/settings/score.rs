@@ -1,12 +1,13 @@
 //! The score of a hypothesis.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::checks::{Checked, not_negative, positive, within};
 
 /// What counts in a score, and how much. Figures in brackets are the defaults; the score is divided by the sum of the first
 /// three weights.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct ScoreSettings {
     /// Weight of the depth fit, over 0 (0.6; the paper: alpha_r).

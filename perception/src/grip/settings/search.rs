@@ -1,12 +1,13 @@
 //! The search for one object: its levels, the polish after them, and its restarts.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::checks::{Checked, part, positive, within};
 use crate::observation::Stride;
 
 /// One level of the search, coarse to fine: `samples` hypotheses, each moved by Gauss-Newton steps and weighed.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct SearchLevel {
     /// Hypotheses that live in this level, 1 to 100000.
@@ -47,7 +48,7 @@ impl SearchLevel {
 }
 
 /// One pass of the search, from the first hypotheses to the last level. Figures in brackets are the defaults.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct SearchSettings {
     /// Coarse to fine (400 samples at stride 8, 150 at 8, 50 at 4, 20 at 2; the paper: 625 samples, 400 iterations at one
@@ -111,7 +112,7 @@ impl SearchSettings {
 }
 
 /// The polish of the best hypotheses at full resolution, whose scores are final. Figures in brackets are the defaults.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct PolishSettings {
     /// Hypotheses of the last level that are polished, 1 to 1000 (2).
@@ -149,7 +150,7 @@ impl PolishSettings {
 }
 
 /// When a search is made anew, and when it ends. Figures in brackets are the defaults.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct RestartSettings {
     /// Restarts end when the best score was reached twice at the same place, or after this many, 1 to 1000 (8).

@@ -17,6 +17,7 @@
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::shifted;
@@ -48,7 +49,7 @@ impl DepthRange {
 }
 
 /// Settings of the Carmine 1.09 model.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Carmine109 {
     /// Distances at which it reads. Not read from a file of settings: the preset's name in the scene says it.

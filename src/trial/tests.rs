@@ -1,0 +1,53 @@
+use super::*;
+use crate::progress::Quiet;
+use crate::setup::SetupOptions;
+use grip_sim::render::{RendererChoice, open};
+
+#[test]
+fn an_object_that_is_not_believed_is_an_obstacle_where_it_stands() {
+    let setup = Setup::load(&SetupOptions { seed: 4, ..SetupOptions::default() }).unwrap();
+    let (world, _) = setup.drop_objects().unwrap();
+    let mut renderer = open(RendererChoice::Cpu).unwrap();
+    let (frame, _) = setup.capture(&world, renderer.as_mut(), 0).unwrap();
+    let planner = setup.planner();
+    let seen_without = |left_out: Option<usize>| {
+        let asked: Vec<usize> = (0..setup.models.len()).filter(|i| Some(*i) != left_out).collect();
+        let records = vec![ItemRecord::default(); setup.models.len()];
+        let belief = Belief::new(&setup, &frame, &truth(&world, &frame, &asked), &records);
+        planner.unmodelled_obstacles(&belief.scene, &frame, world.joints())
+    };
+    assert_eq!(seen_without(None), [], "everything is known");
+    for i in 0..setup.models.len() {
+        let seen = seen_without(Some(i));
+        let name = &setup.models[i].info.name;
+        assert!(seen.len() > 8, "{name}: {}", seen.len());
+        let centre = world.truth(i).translation();
+        let reach = setup.models[i].diameter / 2.0 + 0.02;
+        assert!(seen.iter().all(|p| (p.coords - centre).norm() < reach), "{name}");
+    }
+}
+
+#[test]
+fn what_the_last_attempt_knocks_out_is_counted_once() {
+    let setup = Setup::load(&SetupOptions { seed: 4, ..SetupOptions::default() }).unwrap();
+    let (planner, mut renderer) = (setup.planner(), open(RendererChoice::Cpu).unwrap());
+    let options = TrialOptions::default();
+    let mut trial =
+        Trial::begin(&setup, &Estimator::Truth, &planner, renderer.as_mut(), options, &Quiet).unwrap();
+    let (handled, lost) = (0, 1);
+    let attempt = Attempt { object: handled, locations: trial.locations(), poses: trial.world.poses() };
+    // The same world with one object on the floor.
+    let mut poses = attempt.poses.clone();
+    poses[lost] = Pose::from_xyz_rpy([0.0, 1.5, 0.2], [0.0; 3]);
+    let mut world = setup.empty_world(setup.cell.start.clone()).unwrap();
+    for (model, pose) in setup.models.iter().zip(&poses) {
+        world.add_object(model.clone(), pose).unwrap();
+    }
+    trial.world = world;
+    trial.settle(&attempt);
+    assert_eq!(trial.records[handled].measures.knocked_out, 1);
+    let result = trial.finish().unwrap().result;
+    assert_eq!(result.items[handled].measures.knocked_out, 1);
+    assert_eq!(result.items[lost].measures.knocked_out, 0);
+    assert_eq!(result.items[lost].outcome, Outcome::KnockedOut);
+}
