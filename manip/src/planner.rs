@@ -46,7 +46,7 @@ const STRAIGHT_CORNER: f64 = 0.01;
 
 impl Planner {
     /// Prepares a planner; covering the robot with balls takes some 20 ms of it. With settings out of their range
-    /// ([`PlannerSettings::problem`]) every plan fails with [`PlanStage::Input`] and says which.
+    /// ([`PlannerSettings::validate`]) every plan fails with [`PlanStage::Input`] and says which.
     pub fn new(model: Arc<RobotModel>, config: Arc<RobotConfig>, settings: PlannerSettings) -> Self {
         let robot = Arc::new(RobotSolids::new(model, &config));
         Self {
