@@ -136,14 +136,13 @@ impl PosePosterior {
 pub struct ColourVerdict {
     /// Poses compared with the one that depth prefers.
     pub candidates: usize,
-    /// Log-likelihood that the best of them gains over that one, nats a point of the surface; below
-    /// [`min_gain`](crate::ColourSettings::min_gain) nothing is decided.
+    /// How the print at the best of them agrees with the picture in structure: the mean of six correlations, of brightness and
+    /// of colour, in small and in larger cells and over the whole object; -1 to 1.
+    pub agreement: f64,
+    /// How much better that is than the agreement of the pose that depth prefers.
     pub gain: f64,
-    /// Sum of the gains of the patches of the image over the root of the sum of their squares, which is a z-score where no
-    /// patch says anything; below [`min_consistency`](crate::ColourSettings::min_consistency) nothing is decided.
-    pub consistency: f64,
-    /// Whether the pose was left as depth has it: also where geometry refused the winner, where the print itself is lost in
-    /// noise, and where a small turn explains the picture as well.
+    /// Whether the pose was left as depth has it: also where geometry refused the winner, and where a small turn explains the
+    /// picture as well.
     pub abstained: bool,
 }
 

@@ -10,4 +10,4 @@ mod resting;
 
 pub(crate) use self::cache::ModelCache;
 pub(crate) use self::prepared::{Model, stream};
-pub(crate) use self::print::{Print, PrintedPoint, linear};
+pub(crate) use self::print::{Print, PrintedPoint, look};

@@ -1,20 +1,15 @@
-//! What is printed on an object: its surface as points with a colour each.
-
-use std::collections::BTreeMap;
+//! What is printed on an object: its surface as points with a look each.
 
 use grip_sim::mesh::{Mesh, Visual};
 use grip_sim::rng;
 use nalgebra::{Point3, Vector3};
 
-/// Points an object has, about. Half of them face the camera; an object is some 100 pixels across, so that each stands for
-/// a few pixels.
-const POINTS: usize = 4000;
+/// Points an object has, about. Half of them face the camera; compared is at the resolution at which these cover the pixels.
+const POINTS: usize = 24_000;
 /// Places where the print is read for each point: what the camera sees at this distance is their mean.
-const READINGS: usize = 16;
-/// Print that varies by less is none: root mean square of the log of colour, by channel.
-const PLAIN: f32 = 0.08;
-/// Added to colours before the logarithm, so that near-black is not infinitely different from black.
-const DARK: f32 = 0.05;
+const READINGS: usize = 6;
+/// Print that varies by less is none: root mean square of the look, by channel.
+const PLAIN: f32 = 0.02;
 
 /// A small piece of the surface.
 #[derive(Debug, Clone, Copy)]
@@ -23,8 +18,8 @@ pub(crate) struct PrintedPoint {
     pub position: Vector3<f32>,
     /// Outward, unit length.
     pub normal: Vector3<f32>,
-    /// Linear RGB, 0 to 1.
-    pub colour: [f32; 3],
+    /// See [`look`].
+    pub look: [f32; 3],
 }
 
 /// The printed surface of an object.
@@ -34,6 +29,15 @@ pub(crate) struct Print {
     pub points: Vec<PrintedPoint>,
     /// Distance between neighbours, metres.
     pub spacing: f32,
+}
+
+/// What is compared of a colour, sRGB code values from 0 to 1: half the logarithm of its brightness, in which light and shading
+/// are sums, and two differences of channels over their sum, which light and shading hardly change. The offsets bound what
+/// near-black can say.
+#[inline]
+pub(crate) fn look([r, g, b]: [f32; 3]) -> [f32; 3] {
+    let over = 1.5 / (r + g + b + 0.3);
+    [0.5 * (0.3 * r + 0.5 * g + 0.2 * b + 0.1).ln(), (r - g) * over, (b - 0.5 * (r + g)) * over]
 }
 
 impl Print {
@@ -47,43 +51,40 @@ impl Print {
         }
         let outward = if mesh.volume() < 0.0 { -1.0 } else { 1.0 };
         // Readings fall into cubes, and by the side of the cube that they face: two walls of a thin body are two points.
-        let mut cubes: BTreeMap<[i32; 4], (usize, PrintedPoint)> = BTreeMap::new();
+        let mut readings: Vec<([i32; 4], PrintedPoint)> = Vec::with_capacity(POINTS * READINGS);
         for (at, t) in mesh.sample_surface_indexed(POINTS * READINGS, &mut rng::stream(0, "looks")) {
             let Some(normal) = (facet(mesh, t) * outward).try_normalize(0.0) else { continue };
             let side = normal.iamax();
             let [x, y, z] = [at.x, at.y, at.z].map(|c| (c / spacing).floor() as i32);
             let facing = 2 * side as i32 + i32::from(normal[side] > 0.0);
-            let colour = colour(visual, t, &at);
-            let zero =
-                PrintedPoint { position: Vector3::zeros(), normal: Vector3::zeros(), colour: [0.0; 3] };
-            let (count, sum) = cubes.entry([x, y, z, facing]).or_insert((0, zero));
-            *count += 1;
-            sum.position += at.coords.cast::<f32>();
-            sum.normal += normal.cast::<f32>();
-            for (s, c) in sum.colour.iter_mut().zip(colour) {
-                *s += c;
-            }
+            let (position, normal) = (at.coords.cast(), normal.cast());
+            readings
+                .push(([x, y, z, facing], PrintedPoint { position, normal, look: colour(visual, t, &at) }));
         }
+        readings.sort_by_key(|(cube, _)| *cube);
         // A cube that the surface only grazes would stand for a corner of itself.
-        let full = cubes.into_values().filter(|(count, _)| *count >= READINGS / 4);
-        let points: Vec<PrintedPoint> = full
-            .filter_map(|(count, sum)| {
-                let n = count as f32;
-                let normal = sum.normal.try_normalize(0.0)?;
-                Some(PrintedPoint { position: sum.position / n, normal, colour: sum.colour.map(|c| c / n) })
+        let cubes = readings.chunk_by(|a, b| a.0 == b.0).filter(|cube| cube.len() >= READINGS / 3);
+        let points: Vec<PrintedPoint> = cubes
+            .filter_map(|cube| {
+                let n = cube.len() as f32;
+                let points = || cube.iter().map(|(_, point)| point);
+                let normal = points().map(|p| p.normal).sum::<Vector3<f32>>().try_normalize(0.0)?;
+                let position = points().map(|p| p.position).sum::<Vector3<f32>>() / n;
+                let mean = [0, 1, 2].map(|c| encoded(points().map(|p| p.look[c]).sum::<f32>() / n));
+                Some(PrintedPoint { position, normal, look: look(mean) })
             })
             .collect();
         (variation(&points) >= PLAIN).then_some(Self { points, spacing: spacing as f32 })
     }
 }
 
-/// Root mean square deviation of the log of the channels from their means.
+/// Root mean square deviation of a look's channels from their means, the largest.
 fn variation(points: &[PrintedPoint]) -> f32 {
     let n = points.len().max(1) as f32;
     let variance = |channel: usize| {
-        let logs = || points.iter().map(|p| (p.colour[channel] + DARK).ln());
-        let mean = logs().sum::<f32>() / n;
-        logs().map(|l| (l - mean).powi(2)).sum::<f32>() / n
+        let looks = || points.iter().map(|p| p.look[channel]);
+        let mean = looks().sum::<f32>() / n;
+        looks().map(|l| (l - mean).powi(2)).sum::<f32>() / n
     };
     [0, 1, 2].map(variance).into_iter().fold(0.0, f32::max).sqrt()
 }
@@ -126,7 +127,12 @@ fn colour(visual: &Visual, triangle: usize, at: &Point3<f64>) -> [f32; 3] {
     out
 }
 
+/// The sRGB value of linear light, both 0 to 1.
+fn encoded(linear: f32) -> f32 {
+    if linear <= 0.003_130_8 { 12.92 * linear } else { 1.055 * linear.powf(1.0 / 2.4) - 0.055 }
+}
+
 /// Linear light of an sRGB value, both 0 to 1.
-pub(crate) fn linear(encoded: f32) -> f32 {
+fn linear(encoded: f32) -> f32 {
     if encoded <= 0.04045 { encoded / 12.92 } else { ((encoded + 0.055) / 1.055).powf(2.4) }
 }

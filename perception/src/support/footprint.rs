@@ -9,8 +9,11 @@ const CELL: f64 = 0.03;
 const CELL_POINTS: u32 = 2;
 /// Cells along each side of the grid: points farther than 3 m from the first one are left out.
 const CELLS: i64 = 200;
+/// A piece of the surface belongs to it when so many of its cells have filled ones on all four sides, 90 square centimetres: a
+/// fold or a board's edge parts a surface, while the walls that cut its plane make strips.
+const PIECE_CELLS: usize = 10;
 
-/// The convex hull of the largest connected piece of a plane's visible surface.
+/// The convex hull of the large connected pieces of a plane's visible surface.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Footprint {
     /// Its sides: `n . p - d` is how far inside of a side a point is, metres.
@@ -38,7 +41,7 @@ impl Footprint {
         for c in flat.iter().filter_map(cell) {
             counts[c] += 1;
         }
-        let piece = largest_piece(&counts);
+        let piece = large_pieces(&counts);
         let inside: Vec<Point2<f64>> =
             flat.iter().filter(|p| cell(p).is_some_and(|c| piece[c])).copied().collect();
         let corners = convex_hull(inside);
@@ -76,20 +79,27 @@ fn flatten(axes: &[Vector3<f64>; 2], p: &Point3<f64>) -> Point2<f64> {
     Point2::new(axes[0].dot(&p.coords), axes[1].dot(&p.coords))
 }
 
-/// Marks the largest set of filled cells that touch, corners included.
-fn largest_piece(counts: &[u32]) -> Vec<bool> {
+/// Marks the sets of filled cells that touch, corners included, and are large.
+fn large_pieces(counts: &[u32]) -> Vec<bool> {
     let filled = |c: usize| counts[c] >= CELL_POINTS;
     let mut label = vec![0u32; counts.len()];
-    let (mut best, mut best_size, mut next) = (0, 0, 0);
+    let cross = |c: usize| {
+        let (x, y) = (c as i64 % CELLS, c as i64 / CELLS);
+        [(x, y), (x - 1, y), (x + 1, y), (x, y - 1), (x, y + 1)].iter().all(|&(x, y)| {
+            (0..CELLS).contains(&x) && (0..CELLS).contains(&y) && filled((y * CELLS + x) as usize)
+        })
+    };
+    // Cells inside of each piece, by label; 0 is none.
+    let mut inner = vec![0usize];
     for start in 0..counts.len() {
         if !filled(start) || label[start] != 0 {
             continue;
         }
-        next += 1;
-        let (mut size, mut stack) = (0, vec![start]);
+        let next = inner.len() as u32;
+        let (mut inside, mut stack) = (0, vec![start]);
         label[start] = next;
         while let Some(c) = stack.pop() {
-            size += 1;
+            inside += usize::from(cross(c));
             let (x, y) = (c as i64 % CELLS, c as i64 / CELLS);
             for (nx, ny) in (y - 1..=y + 1).flat_map(|ny| (x - 1..=x + 1).map(move |nx| (nx, ny))) {
                 if (0..CELLS).contains(&nx) && (0..CELLS).contains(&ny) {
@@ -101,11 +111,10 @@ fn largest_piece(counts: &[u32]) -> Vec<bool> {
                 }
             }
         }
-        if size > best_size {
-            (best, best_size) = (next, size);
-        }
+        inner.push(inside);
     }
-    label.into_iter().map(|l| l == best && best != 0).collect()
+    let least = inner.iter().copied().max().unwrap_or(0).min(PIECE_CELLS);
+    label.into_iter().map(|l| l != 0 && inner[l as usize] >= least).collect()
 }
 
 /// Andrew's monotone chain; counter-clockwise.
@@ -133,18 +142,33 @@ fn convex_hull(mut points: Vec<Point2<f64>>) -> Vec<Point2<f64>> {
 mod tests {
     use super::*;
 
+    /// Points a centimetre apart on the plane z = 1.
+    fn grid(x0: f64, columns: usize, rows: usize) -> impl Iterator<Item = Point3<f64>> {
+        let at = move |i: usize| (x0 + 0.01 * (i % columns) as f64, 0.01 * (i / columns) as f64);
+        (0..columns * rows).map(at).map(|(x, y)| Point3::new(x, y, 1.0))
+    }
+
     #[test]
-    fn covers_the_larger_of_two_pieces_and_its_margin() {
-        let grid = |x0: f64, n: usize| {
-            (0..n * n).map(move |i| Point3::new(x0 + 0.01 * (i % n) as f64, 0.01 * (i / n) as f64, 1.0))
-        };
-        let points = grid(0.0, 60).chain(grid(1.0, 20));
+    fn covers_a_surface_and_its_margin_but_no_strip_beside_it() {
+        let points = grid(0.0, 60, 60).chain(grid(1.0, 5, 60));
         let footprint = Footprint::new(&Vector3::z_axis(), points).unwrap();
         let covers = |x: f64, y: f64, margin: f64| footprint.covers(&Point3::new(x, y, 0.7), margin);
         assert!((footprint.area() - 0.59 * 0.59).abs() < 1e-9);
         assert!(covers(0.3, 0.3, 0.0) && covers(0.01, 0.58, 0.0));
-        assert!(!covers(1.1, 0.1, 0.0) && !covers(0.62, 0.3, 0.0) && !covers(0.3, -0.02, 0.0));
+        assert!(!covers(1.02, 0.1, 0.0) && !covers(0.62, 0.3, 0.0) && !covers(0.3, -0.02, 0.0));
         assert!(covers(0.62, 0.3, 0.04) && covers(0.3, -0.02, 0.03));
-        assert!(Footprint::new(&Vector3::z_axis(), grid(0.0, 1)).is_none());
+    }
+
+    #[test]
+    fn a_surface_in_two_pieces_is_one() {
+        let points = grid(0.0, 60, 60).chain(grid(0.8, 20, 20));
+        let footprint = Footprint::new(&Vector3::z_axis(), points).unwrap();
+        let covers = |x: f64, y: f64| footprint.covers(&Point3::new(x, y, 0.7), 0.0);
+        assert!(covers(0.9, 0.1) && covers(0.7, 0.1) && !covers(0.9, 0.5));
+    }
+
+    #[test]
+    fn a_row_of_points_has_no_outline() {
+        assert!(Footprint::new(&Vector3::z_axis(), grid(0.0, 1, 1)).is_none());
     }
 }

@@ -2,14 +2,17 @@
 //! explains the colours. The last step, after the search; it never overrules geometry.
 //!
 //! Read in this order: [`ColourSettings`], [`crate::symmetry`] (which poses depth confuses), `crate::model` (an object's print),
-//! `picture` (the colour image, prepared), `evidence` (one pose against the picture), and the decision, here.
+//! `picture` (the colour image, prepared), `sheet` (the print as seen at a pose), `agreement` (one against the other), `view` (at what
+//! resolution), and the decision, here.
 //!
 //! DIFFERENCE to the paper: its filter looks at depth alone. Set [`ColourSettings::enabled`] to false for that.
 
-mod evidence;
+mod agreement;
 mod picture;
+mod sheet;
 #[cfg(test)]
 mod tests;
+mod view;
 
 use std::f32::consts::TAU;
 
@@ -17,32 +20,25 @@ use nalgebra::{Isometry3, UnitQuaternion};
 
 pub(crate) use self::picture::Picture;
 
-use self::evidence::{Against, View};
+use self::agreement::Agreement;
+use self::view::View;
 use super::search::Search;
 use super::settings::ColourSettings;
 use crate::error::Result;
 use crate::model::Model;
 use crate::observation::Observation;
-use crate::particles::SearchResult;
+use crate::particles::{ScoredPose, SearchResult};
 use crate::posterior::ColourVerdict;
 use crate::symmetry::{SymmetryGroup, turned_about};
 
-/// Turns of a body of revolution are looked for with one point in so many,
-const COARSE: usize = 3;
-/// and so many of the best coarse ones are refined.
+/// So many of the best coarse turns of a body of revolution are refined.
 const REFINED: usize = 3;
 /// Halvings of the step of these: from 15 degrees to one.
 const HALVINGS: usize = 4;
 
-/// A pose, and how much better than the present one it explains the picture.
-#[derive(Debug, Clone, Copy)]
-struct Candidate {
-    pose: Isometry3<f32>,
-    against: Against,
-}
-
-/// Replaces the best pose of `found` by a geometrically equal one that explains the picture significantly better, if there
-/// is one. `None` when there is nothing to go by: no print on the object, nothing to confuse the pose with, too little seen.
+/// Of the best pose of `found` and those that depth confuses with it, takes the one that depth and colour together like best:
+/// whose score and weighted agreement with the picture sum to most. `None` when there is nothing to go by: no print on the
+/// object, nothing to confuse the pose with, too little seen.
 pub(crate) fn decide(
     model: &Model,
     found: &mut SearchResult,
@@ -53,83 +49,87 @@ pub(crate) fn decide(
 ) -> Option<Result<ColourVerdict>> {
     let print = model.print()?;
     let best = found.best.pose;
-    let view = View::new(print, &best, observation, picture)?;
-    let seen = |pose: &Isometry3<f32>| view.evidence(print, pose, 1);
-    let present = seen(&best).filter(|e| e.points >= settings.min_points)?;
-    let judged = |pose: Isometry3<f32>| -> Option<Candidate> {
-        Some(Candidate { pose, against: seen(&pose)?.against(&present) })
+    let view = View::new(print, &best, observation, picture, settings)?;
+    let present = view.agreement(&best).filter(|a| a.pixels >= settings.min_pixels)?;
+    let mut rivals: Vec<(Isometry3<f32>, Agreement)> = rivals(model, found, &view, settings)
+        .into_iter()
+        .filter_map(|pose| Some((pose, view.agreement(&pose)?)))
+        // What shows little of itself where the present pose shows much is not to be compared.
+        .filter(|(_, a)| 2 * a.pixels >= present.pixels)
+        .collect();
+    rivals.sort_by(|a, b| b.1.total.total_cmp(&a.1.total));
+    let first = &rivals.first()?.1;
+    let verdict = |agreement: &Agreement, abstained: bool| ColourVerdict {
+        candidates: rivals.len(),
+        agreement: f64::from(agreement.total),
+        gain: f64::from(agreement.total - present.total),
+        abstained,
     };
-    let (symmetry, middle) = (model.symmetry(), model.oriented_box.translation.vector);
-    let (mut candidates, mut near) = (Vec::new(), None);
-    // Of a body of revolution the population's modes are all turns, too.
-    if let Some(axis) = &symmetry.revolution {
-        let step = TAU / settings.revolution_steps as f32;
-        let turned = |angle: f32, end: &UnitQuaternion<f32>| {
-            turned_about(&best, &middle, &(UnitQuaternion::from_axis_angle(axis, angle) * end))
-        };
-        let sketch = view.evidence(print, &best, COARSE)?;
-        let height = |angle: f32, end: &UnitQuaternion<f32>| {
-            view.evidence(print, &turned(angle, end), COARSE).map_or(f32::MIN, |e| e.against(&sketch).total)
-        };
-        let peak = |angle: f32, end: &UnitQuaternion<f32>| {
-            judged(turned(refined(angle, step, |angle| height(angle, end)), end))
-        };
-        let peaks = peaks(symmetry, settings.revolution_steps, height);
-        candidates.extend(peaks.into_iter().filter_map(|(angle, end)| peak(angle, end)));
-        near = peak(0.0, &UnitQuaternion::identity());
-        candidates.extend(near);
-    } else {
-        candidates.extend(modes(model, found, settings).into_iter().filter_map(judged));
+    let gain = |a: &Agreement| settings.weight * (a.total - present.total);
+    // Before it is polished a pose need not be better by the margin yet.
+    let mut standing: Vec<Isometry3<f32>> = Vec::new();
+    for (pose, a) in &rivals {
+        let apart = |other: &Isometry3<f32>| other.rotation.angle_to(&pose.rotation) > settings.same_mode_rad;
+        if standing.len() < settings.finalists && gain(a) > 0.0 && standing.iter().all(apart) {
+            standing.push(*pose);
+        }
     }
-    candidates.sort_by(|a, b| b.against.total.total_cmp(&a.against.total));
-    let first = candidates.first()?.against;
-    let mut verdict = ColourVerdict {
-        candidates: candidates.len(),
-        gain: f64::from(first.gain),
-        consistency: f64::from(first.consistency),
-        abstained: true,
+    if standing.is_empty() {
+        return Some(Ok(verdict(first, true)));
+    }
+    // All polished in one frame, so that their scores are comparable.
+    let mut polished = |pose| search.polished(vec![pose]).map(|polished| polished[0]);
+    let depth = match polished(best) {
+        Ok(polished) => polished.score,
+        Err(error) => return Some(Err(error)),
     };
-    // Print often repeats around a can: one that is nearly right is put right, not turned to the next copy.
-    let rival = near.and_then(|n| Some((n.pose, seen(&n.pose)?)));
-    let beats_rival = |pose: &Isometry3<f32>| {
-        rival.as_ref().is_none_or(|(near, evidence)| {
-            near == pose || seen(pose).is_some_and(|e| e.against(evidence).decides(settings))
-        })
-    };
-    let standing = candidates.iter().filter(|c| c.against.decides(settings) && beats_rival(&c.pose));
-    // In noise the pose with the least contrast is the likeliest: what decides must be there, not just be missing. A trace
-    // of the print is better than none when the two correlate, whatever the contrast in dim light.
-    let printed = |pose: &Isometry3<f32>| {
-        let trace = view.faded(print, pose, settings.faded_contrast).zip(view.faded(print, pose, 0.0));
-        trace.is_some_and(|(trace, none)| trace.against(&none).consistency >= settings.min_consistency)
-    };
-    let mut least = None;
-    for candidate in standing.take(settings.finalists) {
-        let mut polished = |pose| search.polished(vec![pose]).map(|polished| polished[0]);
-        // Both polished in the same frame, so that their scores are comparable.
-        let least = match least {
-            Some(least) => least,
-            None => match polished(best) {
-                Ok(best) => *least.insert(best.score - settings.depth_margin),
-                Err(error) => return Some(Err(error)),
-            },
-        };
-        let polished = match polished(candidate.pose) {
+    let mut chosen: Option<(f32, ScoredPose, Agreement)> = None;
+    for pose in standing {
+        let polished = match polished(pose) {
             Ok(polished) => polished,
             Err(error) => return Some(Err(error)),
         };
         // The polish may have moved it.
-        let against = seen(&polished.pose).map(|e| e.against(&present)).unwrap_or_default();
-        if polished.score >= least && against.decides(settings) && printed(&polished.pose) {
-            verdict.gain = f64::from(against.gain);
-            verdict.consistency = f64::from(against.consistency);
-            verdict.abstained = false;
-            found.best = polished;
-            found.population.insert(0, polished);
-            break;
+        let Some(agreement) = view.agreement(&polished.pose) else { continue };
+        let lost = depth - polished.score;
+        let merit = gain(&agreement) - lost;
+        let better = chosen.as_ref().is_none_or(|(most, ..)| merit > *most);
+        let there = agreement.total >= settings.min_agreement && lost <= settings.depth_margin;
+        if better && there && merit >= settings.margin {
+            chosen = Some((merit, polished, agreement));
         }
     }
-    Some(Ok(verdict))
+    let Some((_, pose, agreement)) = chosen else { return Some(Ok(verdict(first, true))) };
+    found.best = pose;
+    found.population.insert(0, pose);
+    Some(Ok(verdict(&agreement, false)))
+}
+
+/// The poses that depth confuses with the best one.
+fn rivals(
+    model: &Model,
+    found: &SearchResult,
+    view: &View<'_>,
+    settings: &ColourSettings,
+) -> Vec<Isometry3<f32>> {
+    let (best, symmetry) = (&found.best.pose, model.symmetry());
+    let middle = model.oriented_box.translation.vector;
+    // Of a body of revolution the population's modes are all turns, too.
+    let Some(axis) = &symmetry.revolution else { return modes(model, found, settings) };
+    let step = TAU / settings.revolution_steps as f32;
+    let turned = |angle: f32, end: &UnitQuaternion<f32>| {
+        turned_about(best, &middle, &(UnitQuaternion::from_axis_angle(axis, angle) * end))
+    };
+    let total = |agreement: Option<Agreement>| agreement.map_or(f32::MIN, |a| a.total);
+    let sketched = |angle: f32, end: &UnitQuaternion<f32>| total(view.sketched(&turned(angle, end)));
+    let peak = |angle: f32, end: &UnitQuaternion<f32>| {
+        turned(refined(angle, step, |angle| total(view.agreement(&turned(angle, end)))), end)
+    };
+    let peaks = peaks(symmetry, settings.revolution_steps, sketched);
+    let mut poses: Vec<Isometry3<f32>> = peaks.into_iter().map(|(angle, end)| peak(angle, end)).collect();
+    // Print often repeats around a can: one that is nearly right is put right there.
+    poses.push(peak(0.0, &UnitQuaternion::identity()));
+    poses
 }
 
 /// The turns of a body of revolution, as angle and end, that are the highest maxima of `height` among coarse steps.
@@ -172,6 +172,7 @@ fn modes(model: &Model, found: &SearchResult, settings: &ColourSettings) -> Vec<
     let middle = model.oriented_box.translation.vector;
     let turned = |q: &UnitQuaternion<f32>| turned_about(&best.pose, &middle, q);
     let mut poses: Vec<Isometry3<f32>> = model.symmetry().discrete.iter().map(turned).collect();
+    poses.extend(model.near_symmetries().iter().map(|turn| best.pose * turn));
     let most = poses.len() + settings.most_modes;
     for h in found.population.iter().filter(|h| h.score > best.score - settings.depth_margin) {
         let same = |p: &Isometry3<f32>| p.rotation.angle_to(&h.pose.rotation) < settings.same_mode_rad;

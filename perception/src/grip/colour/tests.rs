@@ -352,11 +352,11 @@ fn settings_that_make_no_sense_are_refused() {
         crate::GripEstimator::new(grip).unwrap_err().to_string()
     };
     let good = ColourSettings::default;
+    assert!(refused(ColourSettings { weight: -0.1, ..good() }).contains("colour.weight"));
+    assert!(refused(ColourSettings { margin: 2.0, ..good() }).contains("colour.margin"));
     assert!(refused(ColourSettings { depth_margin: -0.1, ..good() }).contains("colour.depth_margin"));
-    assert!(refused(ColourSettings { min_gain: 0.0, ..good() }).contains("colour.min_gain"));
-    assert!(
-        refused(ColourSettings { min_consistency: f32::NAN, ..good() }).contains("colour.min_consistency")
-    );
-    assert!(refused(ColourSettings { min_points: 0, ..good() }).contains("colour.min_points"));
+    assert!(refused(ColourSettings { min_agreement: f32::NAN, ..good() }).contains("colour.min_agreement"));
+    assert!(refused(ColourSettings { min_pixels: 0, ..good() }).contains("colour.min_pixels"));
+    assert!(refused(ColourSettings { most_shift_px: 9.0, ..good() }).contains("colour.most_shift_px"));
     assert!(refused(ColourSettings { revolution_steps: 1, ..good() }).contains("colour.revolution_steps"));
 }
