@@ -61,7 +61,7 @@ impl Print {
             readings
                 .push(([x, y, z, facing], PrintedPoint { position, normal, look: colour(visual, t, &at) }));
         }
-        readings.sort_by_key(|(cube, _)| *cube);
+        readings.sort_unstable_by_key(|(cube, _)| *cube);
         // A cube that the surface only grazes would stand for a corner of itself.
         let cubes = readings.chunk_by(|a, b| a.0 == b.0).filter(|cube| cube.len() >= READINGS / 3);
         let points: Vec<PrintedPoint> = cubes

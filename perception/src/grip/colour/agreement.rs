@@ -63,6 +63,8 @@ pub(super) struct Agreement {
     pub total: f32,
     /// Pixels compared.
     pub pixels: usize,
+    /// Of the picture against the depth image, pixels of the level.
+    pub shift: [i32; 2],
 }
 
 /// `(normal, 1)` of a pixel.
@@ -108,24 +110,23 @@ impl Prepared {
         Some(Self { sheet, unshaded, squares, shading: shading.cast(), cells })
     }
 
-    /// Pixels that can be compared.
-    pub fn pixels(&self) -> usize {
-        self.sheet.pixels
-    }
-
-    /// At the shift that agrees best of those up to `most` pixels along each side.
-    pub fn agreement(&self, picture: &PictureLevel, most: f32) -> Agreement {
-        let reach = most.ceil() as i32;
-        let cost = |d: i32| SHIFT_COST * (d as f32 / most.max(1.0)).powi(2);
+    /// At the shift that agrees best of those up to `reach` pixels along each side from `about`. One of `most` pixels along one
+    /// side costs [`SHIFT_COST`].
+    pub fn agreement(&self, picture: &PictureLevel, about: [i32; 2], reach: i32, most: f32) -> Agreement {
         let mut seen = vec![SeenSums::default(); self.cells.len()];
-        let mut total = f32::MIN;
-        for dv in -reach..=reach {
-            for du in -reach..=reach {
-                let normals = sums(Isa::best(), self, picture, [du, dv], &mut seen);
-                total = total.max(self.total(&seen, &normals) - cost(du) - cost(dv));
+        let cost = |d: i32| SHIFT_COST * (d as f32 / most.max(1.0)).powi(2);
+        let mut best = Agreement { total: f32::MIN, pixels: self.sheet.pixels, shift: about };
+        for v in -reach..=reach {
+            for u in -reach..=reach {
+                let shift = [about[0] + u, about[1] + v];
+                let normals = sums(Isa::best(), self, picture, shift, &mut seen);
+                let total = self.total(&seen, &normals) - cost(shift[0]) - cost(shift[1]);
+                if total > best.total {
+                    best = Agreement { total, shift, ..best };
+                }
             }
         }
-        Agreement { total, pixels: self.pixels() }
+        best
     }
 
     /// The mean of the correlations.
@@ -167,7 +168,7 @@ impl Prepared {
                 let shading = with.dot(&(self.shading * with));
                 add(&mut pooled[2], [unshaded, aa - shading, self.squares[c]]);
             }
-            let floor = FLOOR * FLOOR * self.pixels() as f32 * channels.len() as f32;
+            let floor = FLOOR * FLOOR * self.sheet.pixels as f32 * channels.len() as f32;
             for [ab, aa, bb] in pooled {
                 total += ab / ((aa.max(0.0) + floor) * (bb.max(0.0) + floor)).sqrt();
             }

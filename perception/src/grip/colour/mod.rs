@@ -31,6 +31,8 @@ use crate::particles::{ScoredPose, SearchResult};
 use crate::posterior::ColourVerdict;
 use crate::symmetry::{SymmetryGroup, turned_about};
 
+/// Of the other bodies' rivals so many are looked at closely, those whose sketches agree best.
+const LOOKED_AT: usize = 8;
 /// So many of the best coarse turns of a body of revolution are refined.
 const REFINED: usize = 3;
 /// Halvings of the step of these: from 15 degrees to one.
@@ -115,7 +117,14 @@ fn rivals(
     let (best, symmetry) = (&found.best.pose, model.symmetry());
     let middle = model.oriented_box.translation.vector;
     // Of a body of revolution the population's modes are all turns, too.
-    let Some(axis) = &symmetry.revolution else { return modes(model, found, settings) };
+    let Some(axis) = &symmetry.revolution else {
+        let mut sketched: Vec<(f32, Isometry3<f32>)> = modes(model, found, settings)
+            .into_iter()
+            .filter_map(|pose| Some((view.sketched(&pose)?.total, pose)))
+            .collect();
+        sketched.sort_by(|a, b| b.0.total_cmp(&a.0));
+        return sketched.into_iter().take(LOOKED_AT).map(|(_, pose)| pose).collect();
+    };
     let step = TAU / settings.revolution_steps as f32;
     let turned = |angle: f32, end: &UnitQuaternion<f32>| {
         turned_about(best, &middle, &(UnitQuaternion::from_axis_angle(axis, angle) * end))

@@ -1,7 +1,7 @@
 //! The print of an object as the camera would see it at a pose.
 
 use grip_sim::lanes::LANES;
-use nalgebra::{Isometry3, Vector3};
+use nalgebra::{Isometry3, Point3, Vector3};
 
 use crate::model::{Print, PrintedPoint};
 use crate::observation::Level;
@@ -47,17 +47,22 @@ impl Sheet {
     pub fn draw(print: &Print, pose: &Isometry3<f32>, level: &Level, every: usize) -> Option<Self> {
         let r = pose.rotation.to_rotation_matrix();
         let (right, bottom) = (level.width as f32 - 0.5, level.height as f32 - 0.5);
+        // Where the camera is, in the object's frame: half of the points face away, and are not even turned.
+        let eye = pose.inverse_transform_point(&Point3::origin()).coords;
         let project = |point: &PrintedPoint| {
-            let normal = r * point.normal;
-            let p = r * point.position + pose.translation.vector;
-            let facing = -normal.dot(&p);
-            if p.z <= 0.0 || facing < SLANTED * p.norm() {
+            let ray = eye - point.position;
+            let facing = point.normal.dot(&ray);
+            if facing <= 0.0 || facing * facing < SLANTED * SLANTED * ray.norm_squared() {
                 return None;
             }
-            let (u, v) = (level.fx * p.x / p.z + level.cx, level.fy * p.y / p.z + level.cy);
-            let inside = u > -0.5 && v > -0.5 && u < right && v < bottom;
+            let p = r * point.position + pose.translation.vector;
+            let w = 1.0 / p.z;
+            let (u, v) = (level.fx * p.x * w + level.cx, level.fy * p.y * w + level.cy);
+            if !(p.z > 0.0 && u > -0.5 && v > -0.5 && u < right && v < bottom) {
+                return None;
+            }
             let (u, v) = ((u + 0.5) as i32, (v + 0.5) as i32);
-            inside.then_some(Projected { u, v, z: p.z, normal, look: point.look })
+            Some(Projected { u, v, z: p.z, normal: r * point.normal, look: point.look })
         };
         let points: Vec<Projected> = print.points.iter().step_by(every).filter_map(project).collect();
         let cell = 2 * CELL as i32;

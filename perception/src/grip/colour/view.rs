@@ -48,17 +48,30 @@ impl<'a> View<'a> {
 
     /// How the print at a pose agrees with the picture; `None` where nothing of it is seen.
     pub fn agreement(&self, pose: &Isometry3<f32>) -> Option<Agreement> {
-        self.compared(pose, self.stride, 1)
+        if self.coarse == self.stride {
+            return self.compared(pose, self.stride, 1, None);
+        }
+        // Where a sketch agrees best the drawing does, to a pixel of either side.
+        let about = self.sketched(pose)?.shift.map(|d| 2 * d);
+        self.compared(pose, self.stride, 1, Some(about))
     }
 
     /// The same, roughly and quickly.
     pub fn sketched(&self, pose: &Isometry3<f32>) -> Option<Agreement> {
-        self.compared(pose, self.coarse, SKETCHED)
+        self.compared(pose, self.coarse, SKETCHED, None)
     }
 
-    fn compared(&self, pose: &Isometry3<f32>, stride: Stride, every: usize) -> Option<Agreement> {
+    /// Of one point in `every`; at a shift near one that is known, or at any.
+    fn compared(
+        &self,
+        pose: &Isometry3<f32>,
+        stride: Stride,
+        every: usize,
+        about: Option<[i32; 2]>,
+    ) -> Option<Agreement> {
         let most = self.most_shift / stride.pixels() as f32;
+        let (about, reach) = about.map_or(([0, 0], most.ceil() as i32), |about| (about, 1));
         let sheet = Sheet::draw(self.print, pose, self.observation.level(stride), every)?;
-        Some(Prepared::new(sheet)?.agreement(self.picture.level(stride), most))
+        Some(Prepared::new(sheet)?.agreement(self.picture.level(stride), about, reach, most))
     }
 }
