@@ -41,8 +41,9 @@ pub use detector::{
 pub use error::{Error, Result};
 pub use estimator::PoseEstimator;
 pub use grip::{
-    BeliefSettings, ColourSettings, GripEstimator, GripSettings, JointSettings, NearSymmetrySettings,
-    PolishSettings, ProposalSettings, RestartSettings, ScoreSettings, SearchLevel, SearchSettings,
+    BeliefSettings, ColourEvidence, ColourSettings, GripEstimator, GripSettings, JointSettings,
+    NearSymmetrySettings, PolishSettings, ProposalSettings, RestartSettings, ScoreSettings, SearchLevel,
+    SearchSettings,
 };
 pub use hypotheses::{HypothesisRenderer, HypothesisRendererChoice};
 pub use observation::ObservationSettings;

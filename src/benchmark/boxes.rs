@@ -6,8 +6,7 @@ use std::sync::Arc;
 
 use anyhow::{Context, Result};
 use grip_perception::{Clusters, Detection, Detections, Detector, DetectorSettings, PyramidCnn, WholeImage};
-use grip_sim::bop::{BopFrame, GroundTruth};
-use grip_sim::camera::Intrinsics;
+use grip_sim::bop::{self, BopFrame, GroundTruth, GtInfo};
 use grip_sim::frame::CameraFrame;
 use grip_sim::objects::ObjectModel;
 use grip_sim::rng;
@@ -156,7 +155,7 @@ impl Boxes {
                     let Some(object) = objects.iter().find(|o| o.info.bop_id == truth.obj_id) else {
                         continue;
                     };
-                    let Some(bbox) = true_box(truth, object, &frame.intrinsics) else { continue };
+                    let Some(bbox) = true_box(truth, object, bop)? else { continue };
                     if matches!(self, Self::Truth) {
                         add(object, bbox, 1.0)?;
                         continue;
@@ -167,14 +166,12 @@ impl Boxes {
                     }
                 }
                 // A detector takes other objects for one that is not there.
-                let others: Vec<[f64; 4]> = bop
-                    .ground_truths
-                    .iter()
-                    .filter_map(|truth| {
-                        let object = objects.iter().find(|o| o.info.bop_id == truth.obj_id)?;
-                        true_box(truth, object, &frame.intrinsics)
-                    })
-                    .collect();
+                let mut others: Vec<[f64; 4]> = Vec::new();
+                for truth in &bop.ground_truths {
+                    if let Some(object) = objects.iter().find(|o| o.info.bop_id == truth.obj_id) {
+                        others.extend(true_box(truth, object, bop)?);
+                    }
+                }
                 let there = |object: &ObjectModel| {
                     bop.ground_truths.iter().any(|truth| truth.obj_id == object.info.bop_id)
                 };
@@ -222,22 +219,29 @@ fn read(path: &Path) -> Result<Boxes> {
     Ok(Boxes::File { boxes: by_image, sha256: format!("{:x}", Sha256::digest(text)) })
 }
 
-/// The box of what is seen of an instance, else of its whole projection; `None` where it is out of sight.
-fn true_box(truth: &GroundTruth, object: &ObjectModel, k: &Intrinsics) -> Option<[f64; 4]> {
-    if let Some(info) = &truth.info {
-        // BOP's boxes reach from the first pixel to the last one; what is out of sight has -1.
-        let [x, y, w, h] = info.bbox_visib.map(f64::from);
-        return (w >= 0.0 && h >= 0.0).then_some([x, y, x + w, y + h]);
-    }
-    let mut bounds = [f64::INFINITY, f64::INFINITY, f64::NEG_INFINITY, f64::NEG_INFINITY];
-    for point in &object.visual.mesh.positions {
-        let p = k.project(&truth.camera_from_object.transform_point(&point.cast()))?;
-        bounds = [bounds[0].min(p.x), bounds[1].min(p.y), bounds[2].max(p.x), bounds[3].max(p.y)];
-    }
-    let (right, bottom) = (k.width as f64 - 1.0, k.height as f64 - 1.0);
-    let [u0, v0, u1, v1] =
-        [bounds[0].max(0.0), bounds[1].max(0.0), bounds[2].min(right), bounds[3].min(bottom)];
-    (u0 < u1 && v0 < v1).then_some([u0, v0, u1, v1])
+/// The box of what is seen of an instance, measured where the data set does not tell; `None` where it is out of sight.
+fn true_box(truth: &GroundTruth, object: &ObjectModel, frame: &BopFrame) -> Result<Option<[f64; 4]>> {
+    let info = known_or_measured(truth, object, frame)?;
+    // BOP's boxes reach from the first pixel to the last one; what is out of sight has -1.
+    let [x, y, w, h] = info.bbox_visib.map(f64::from);
+    Ok((w >= 0.0 && h >= 0.0).then_some([x, y, x + w, y + h]))
+}
+
+/// What `scene_gt_info.json` says of an instance, measured where there is no such file.
+pub(super) fn known_or_measured(
+    truth: &GroundTruth,
+    object: &ObjectModel,
+    frame: &BopFrame,
+) -> Result<GtInfo> {
+    Ok(match truth.info {
+        Some(info) => info,
+        None => bop::estimated_gt_info(
+            &object.visual.mesh,
+            &truth.camera_from_object,
+            &frame.depth,
+            &frame.intrinsics,
+        )?,
+    })
 }
 
 /// The box with each side moved by a normal step.

@@ -2,7 +2,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use grip_perception::metrics::PairErrors;
+use grip_perception::metrics::{ErrorKind, PairErrors};
 use grip_sim::rng;
 use rand::RngExt;
 
@@ -24,6 +24,8 @@ pub struct Case {
     pub(super) adds: f64,
     /// Those of the BOP challenge, of the same estimate.
     pub(super) challenge: PairErrors,
+    /// How it is wrong.
+    pub(super) kind: ErrorKind,
     /// Whether the object has symmetries, so that ADD(-S) is ADD-S.
     pub(super) symmetric: bool,
     /// Metres.
@@ -32,10 +34,10 @@ pub struct Case {
 
 impl Case {
     /// The columns of [`Case::line`].
-    pub const HEADER: &'static str = "scene_id,im_id,obj_id,score,add_mm,adds_mm,mssd_mm,mspd_px,vsd";
+    pub const HEADER: &'static str = "scene_id,im_id,obj_id,score,add_mm,adds_mm,mssd_mm,mspd_px,vsd,kind";
 
     /// A line of a CSV file, with its end; score and errors are empty where there is no estimate or nothing to measure them
-    /// with. VSD is the mean over its tolerances.
+    /// with. VSD is the mean over its tolerances; kind the name of an [`ErrorKind`].
     pub fn line(&self) -> String {
         let Self { scene_id, im_id, obj_id, .. } = self;
         let number = |x: f64| if x.is_finite() { x.to_string() } else { String::new() };
@@ -43,7 +45,8 @@ impl Case {
         let PairErrors { mssd_m, mspd_px, .. } = self.challenge;
         let errors =
             [1e3 * self.add, 1e3 * self.adds, 1e3 * mssd_m, mspd_px, self.challenge.mean_vsd()].map(number);
-        format!("{scene_id},{im_id},{obj_id},{score},{}\n", errors.join(","))
+        let kind = self.kind.name();
+        format!("{scene_id},{im_id},{obj_id},{score},{},{kind}\n", errors.join(","))
     }
 
     /// ADD-S for objects with symmetries, ADD for others.

@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use anyhow::{Context, Result};
 use grip_perception::metrics::{
-    AverageRecall, Hits, Measured, PairErrors, Surface, SymmetricShape, THRESHOLDS, vsd,
+    AverageRecall, ErrorKinds, Hits, Measured, PairErrors, Surface, SymmetricShape, THRESHOLDS, vsd,
 };
 use grip_sim::bop::results::Estimate;
 use grip_sim::bop::{BopView, Dataset, GroundTruth, ModelInfo};
@@ -25,6 +25,7 @@ pub(super) struct Model {
     pub diameter: f64,
     /// Whether it has symmetries, so that ADD(-S) is ADD-S.
     pub symmetric: bool,
+    pub kinds: ErrorKinds,
     shape: SymmetricShape,
     mesh: Arc<Mesh>,
 }
@@ -50,6 +51,7 @@ impl Model {
         Self {
             surface: Surface::new(points.clone()),
             diameter: info.diameter,
+            kinds: ErrorKinds::new(&points, &info.symmetries, info.diameter),
             symmetric: !(info.symmetries.discrete.is_empty() && info.symmetries.continuous.is_empty()),
             shape: SymmetricShape::new(points, &info.symmetries),
             mesh,

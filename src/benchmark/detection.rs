@@ -5,9 +5,13 @@
 
 use std::collections::BTreeMap;
 
-use grip_sim::bop::BopFrame;
+use anyhow::Result;
+use grip_sim::bop::{BopFrame, GroundTruth};
+use grip_sim::objects::ObjectModel;
 use schemars::JsonSchema;
 use serde::Serialize;
+
+use super::boxes::known_or_measured;
 
 /// COCO's ten thresholds of intersection over union, to the last bit.
 const OVERLAPS: [f64; 10] = [0.50, 0.55, 0.60, 0.65, 0.70, 0.75, 0.80, 0.85, 0.899_999_999_999_999_9, 0.95];
@@ -31,20 +35,25 @@ pub struct ObjectImage {
     pub found: Vec<(Box2, f64)>,
 }
 
-/// The boxes of an object in an image, and whether each is to be ignored, from the truth of its data set.
-pub fn truth_boxes(frame: &BopFrame, object: u32) -> Vec<(Box2, bool)> {
+/// The boxes of an object in an image, and whether each is to be ignored, from the truth of its data set. Where that does not tell
+/// how much is seen it is measured.
+///
+/// # Errors
+/// When the frame's camera and depth picture differ in size.
+pub fn truth_boxes(frame: &BopFrame, object: &ObjectModel) -> Result<Vec<(Box2, bool)>> {
     let size = [f64::from(frame.rgb.width()), f64::from(frame.rgb.height())];
     let within = |[x, y, w, h]: [f64; 4]| {
         let (left, top) = (x.clamp(0.0, size[0]), y.clamp(0.0, size[1]));
         // Boxes of scene_gt_info.json reach from the first pixel to the last one: one less than they count.
         [left, top, (x + w + 1.0).clamp(left, size[0]) - left, (y + h + 1.0).clamp(top, size[1]) - top]
     };
-    let asked = frame.ground_truths.iter().filter(|truth| truth.obj_id == object);
-    asked
-        .filter_map(|truth| {
-            truth.info.as_ref().map(|info| (within(info.bbox_obj.map(f64::from)), !truth.is_target()))
-        })
-        .collect()
+    let asked = frame.ground_truths.iter().filter(|truth| truth.obj_id == object.info.bop_id);
+    let boxes = asked.map(|truth| {
+        let info = known_or_measured(truth, object, frame)?;
+        let seen = GroundTruth { info: Some(info), ..truth.clone() };
+        Ok((info.px_count_visib > 0).then(|| (within(info.bbox_obj.map(f64::from)), !seen.is_target())))
+    });
+    boxes.filter_map(Result::transpose).collect()
 }
 
 /// Figures of some images.

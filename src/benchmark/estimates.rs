@@ -199,7 +199,7 @@ impl Run<'_> {
 }
 
 /// What an estimator gets to see of an image.
-pub(super) fn camera_frame(bop: &BopFrame) -> CameraFrame {
+pub(crate) fn camera_frame(bop: &BopFrame) -> CameraFrame {
     CameraFrame {
         rgb: bop.rgb.clone(),
         depth: bop.depth.clone(),

@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::path::Path;
 
 use anyhow::{Context, Result};
-use grip_perception::metrics::{Hits, PairErrors, auc};
+use grip_perception::metrics::{ErrorKind, Hits, PairErrors, auc};
 use grip_sim::bop::results::Estimate;
 use grip_sim::bop::{Dataset, GroundTruth, Target};
 use rayon::prelude::*;
@@ -14,7 +14,7 @@ use serde::{Deserialize, Serialize};
 use super::case::{Case, InImage, bootstrap};
 use super::challenge::{Asked, Lacking, Model, Recall};
 use super::estimates::targets;
-use super::presence::{Presence, presence};
+use super::presence::{Presence, THERE, presence};
 
 /// Thresholds of the accuracy curves, metres: the paper's, and PoseCNN's.
 pub const THRESHOLDS: [f64; 2] = [0.04, 0.1];
@@ -44,6 +44,19 @@ pub struct Figures {
     pub median_adds_m: Option<f64>,
     /// Those of the BOP challenge.
     pub bop: Recall,
+    /// How instances are found, and how they are missed; kinds that do not occur are left out.
+    pub kinds: BTreeMap<ErrorKind, Kind>,
+}
+
+/// Estimates that are right, or wrong in one way.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, JsonSchema)]
+pub struct Kind {
+    /// How many instances.
+    pub instances: usize,
+    /// Mean confidence of their estimates; null without any.
+    pub confidence: Option<f64>,
+    /// Those with a confidence of 0.5 or more.
+    pub sure: usize,
 }
 
 /// The errors of a results file.
@@ -181,6 +194,7 @@ fn image(
             add: f64::INFINITY,
             adds: f64::INFINITY,
             challenge: PairErrors::MISSED,
+            kind: ErrorKind::Missing,
             symmetric: model.symmetric,
             diameter: model.diameter,
         };
@@ -194,8 +208,9 @@ fn image(
             let Some((adds, place)) = distances.min_by(|a, b| a.0.total_cmp(&b.0)) else { break };
             let truth = open.remove(place);
             let add = model.surface.add(&truths[truth].camera_from_object, pose);
-            let score = Some(estimate.score);
-            image.cases.push(Case { score, add, adds, challenge: errors[truth], ..case });
+            let challenge = errors[truth];
+            let kind = model.kinds.kind(&truths[truth].camera_from_object, pose, challenge.mssd_m);
+            image.cases.push(Case { score: Some(estimate.score), add, adds, challenge, kind, ..case });
         }
         image.cases.extend(open.iter().map(|_| case));
     }
@@ -223,7 +238,24 @@ fn figures<'a>(cases: impl Iterator<Item = &'a Case>, asked: impl Iterator<Item 
         found: found as f64 / cases.len().max(1) as f64,
         median_adds_m: known.get(known.len() / 2).copied(),
         bop: Recall::new(&asked),
+        kinds: kinds(&cases),
     }
+}
+
+fn kinds(cases: &[Case]) -> BTreeMap<ErrorKind, Kind> {
+    let mut scores: BTreeMap<ErrorKind, Vec<Option<f64>>> = BTreeMap::new();
+    for case in cases {
+        scores.entry(case.kind).or_default().push(case.score);
+    }
+    let kind = |scores: Vec<Option<f64>>| {
+        let known: Vec<f64> = scores.iter().flatten().copied().collect();
+        Kind {
+            instances: scores.len(),
+            confidence: (!known.is_empty()).then(|| known.iter().sum::<f64>() / known.len() as f64),
+            sure: known.iter().filter(|score| **score >= THERE).count(),
+        }
+    };
+    scores.into_iter().map(|(name, scores)| (name, kind(scores))).collect()
 }
 
 /// Interval of the area up to the first threshold.
@@ -269,8 +301,19 @@ mod tests {
     use super::*;
 
     fn case(im_id: u32, add: f64, adds: f64, symmetric: bool) -> Case {
-        let challenge = PairErrors::MISSED;
-        Case { scene_id: 1, im_id, obj_id: 1, score: None, add, adds, challenge, symmetric, diameter: 0.1 }
+        let (challenge, kind) = (PairErrors::MISSED, ErrorKind::Missing);
+        Case {
+            scene_id: 1,
+            im_id,
+            obj_id: 1,
+            score: None,
+            add,
+            adds,
+            challenge,
+            kind,
+            symmetric,
+            diameter: 0.1,
+        }
     }
 
     #[test]
@@ -291,6 +334,28 @@ mod tests {
         assert!((f.auc_add_or_adds[1] - (0.2 * 0.5 + 0.8 * 0.75)).abs() < 1e-12);
         let [low, high] = f.auc_adds_interval.unwrap();
         assert!(low < 0.75 && high > 0.75 && low >= 0.0 && high <= 1.0, "{low} {high}");
+    }
+
+    #[test]
+    fn kinds_are_counted_with_their_confidences() {
+        let of = |kind: ErrorKind, score: Option<f64>| Case { kind, score, ..case(0, 0.0, 0.0, false) };
+        let cases = [
+            of(ErrorKind::Right, Some(0.9)),
+            of(ErrorKind::Missing, None),
+            of(ErrorKind::HalfTurnLong, Some(0.75)),
+            of(ErrorKind::HalfTurnLong, Some(0.25)),
+        ];
+        let f = figures(cases.iter(), [].iter());
+        let kinds: Vec<(ErrorKind, Kind)> = f.kinds.into_iter().collect();
+        let kind = |instances, confidence, sure| Kind { instances, confidence, sure };
+        assert_eq!(
+            kinds,
+            [
+                (ErrorKind::Right, kind(1, Some(0.9), 1)),
+                (ErrorKind::HalfTurnLong, kind(2, Some(0.5), 1)),
+                (ErrorKind::Missing, kind(1, None, 0)),
+            ]
+        );
     }
 
     #[test]

@@ -32,6 +32,9 @@ pub struct ScenesArgs {
     /// Where the camera is: the robot's head, or anywhere on the scene's `camera.sphere`, anew for each frame.
     #[arg(long, value_enum, default_value_t = CameraPlace::Head)]
     pub camera: CameraPlace,
+    /// Who takes the pictures.
+    #[arg(long, value_enum, default_value_t = Profile::Standard)]
+    pub profile: Profile,
     /// Depth noise preset in place of the scene's: none, nguyen, handa, redwood, carmine-109, carmine-109-near.
     #[arg(long, value_name = "PRESET")]
     pub depth_noise: Option<String>,
@@ -73,6 +76,16 @@ pub enum CameraPlace {
     Sphere,
 }
 
+/// How hard a data set is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum Profile {
+    /// One camera takes all pictures, well calibrated.
+    Standard,
+    /// Another camera takes each: exposure and white balance that err, another tone, blur, sharpening, noise, JPEG, colour that
+    /// lies up to 4 pixels beside depth, depth that is off by millimetres and has holes.
+    Hard,
+}
+
 impl ScenesArgs {
     /// What the library makes a data set of.
     pub fn options(&self) -> DatasetOptions {
@@ -83,6 +96,10 @@ impl ScenesArgs {
             camera: match self.camera {
                 CameraPlace::Head => grip::dataset::CameraPlace::Head,
                 CameraPlace::Sphere => grip::dataset::CameraPlace::Sphere,
+            },
+            profile: match self.profile {
+                Profile::Standard => grip::dataset::Profile::Standard,
+                Profile::Hard => grip::dataset::Profile::Hard,
             },
             depth_noise: self.depth_noise.clone(),
             distortion: self.distortion.clone(),

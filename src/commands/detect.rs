@@ -2,12 +2,14 @@
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use std::time::Instant;
 
 use anyhow::{Context, Result};
 use grip_perception::{Detection, HeatMaps, PyramidCnn};
 use grip_sim::bop::{self, Dataset};
 use grip_sim::images::RgbImage;
+use grip_sim::objects::ObjectModel;
 use image::{ImageError, ImageReader};
 use rayon::prelude::*;
 use schemars::JsonSchema;
@@ -218,12 +220,15 @@ fn latency(network: &PyramidCnn, dataset: &Dataset, images: &[(u32, u32)]) -> Re
     Ok(seconds.get(seconds.len() / 2).copied().unwrap_or_default())
 }
 
-/// The network's class of each object of a data set, with its number.
-fn classes(network: &PyramidCnn, dataset: &Dataset) -> Result<Vec<(usize, u32)>> {
+/// The network's class of an object, and the object.
+type Class = (usize, Arc<ObjectModel>);
+
+/// Those of all objects of a data set.
+fn classes(network: &PyramidCnn, dataset: &Dataset) -> Result<Vec<Class>> {
     let mut classes = Vec::new();
     for id in dataset.model_ids()? {
         let object = grip::benchmark::load_object(dataset, id)?;
-        classes.push((network.class_of(&object)?, id));
+        classes.push((network.class_of(&object)?, object));
     }
     Ok(classes)
 }
@@ -232,7 +237,7 @@ fn look(
     args: &DetectArgs,
     network: &PyramidCnn,
     dataset: &Dataset,
-    classes: &[(usize, u32)],
+    classes: &[Class],
     key: (u32, u32),
 ) -> Result<Looked> {
     let frame = dataset.frame(key.0, key.1)?;
@@ -241,17 +246,20 @@ fn look(
     let objects = classes
         .iter()
         .zip(&boxes)
-        .map(|(&(_, id), boxes)| ObjectImage {
-            object: id,
-            truth: truth_boxes(&frame, id),
-            found: boxes
-                .iter()
-                .filter(|detection| detection.confidence >= args.least_confidence)
-                .take(MOST_BOXES)
-                .map(|detection| (FileBox::new(key, id, detection).bbox, detection.confidence))
-                .collect(),
+        .map(|((_, object), boxes)| {
+            let id = object.info.bop_id;
+            Ok(ObjectImage {
+                object: id,
+                truth: truth_boxes(&frame, object)?,
+                found: boxes
+                    .iter()
+                    .filter(|detection| detection.confidence >= args.least_confidence)
+                    .take(MOST_BOXES)
+                    .map(|detection| (FileBox::new(key, id, detection).bbox, detection.confidence))
+                    .collect(),
+            })
         })
-        .collect();
+        .collect::<Result<_>>()?;
     if let Some(folder) = &args.heatmaps {
         draw(args, folder, &maps, &frame.rgb, classes, &boxes, key)?;
     }
@@ -263,7 +271,7 @@ fn draw(
     folder: &Path,
     maps: &HeatMaps,
     rgb: &RgbImage,
-    classes: &[(usize, u32)],
+    classes: &[Class],
     boxes: &[Vec<Detection>],
     key: (u32, u32),
 ) -> Result<()> {
@@ -312,7 +320,7 @@ fn report(
     let (by_object, all) = of_view(None);
     if all.instances == 0 {
         output::message(format_args!(
-            "{}: has no boxes of the truth to compare with; they are in scene_gt.json and scene_gt_info.json of its scenes",
+            "{}: has no boxes of the truth to compare with; they are in scene_gt.json of its scenes",
             args.input.display()
         ));
     }

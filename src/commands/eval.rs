@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use anyhow::Result;
+use grip_perception::metrics::ErrorKind;
 use grip_sim::bop::results::read_results;
 use grip_sim::bop::{self, Dataset};
 use schemars::JsonSchema;
@@ -151,8 +152,32 @@ fn print(evaluation: &Evaluation, paper: Option<&PaperTable>) -> Result<()> {
         .chain(evaluation.conditions.iter().map(|(name, figures)| row(&format!("view {name}"), figures)))
         .chain([row("all", &evaluation.all)]);
     output::data(format_args!("{}", output::table(header, &[1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11], rows)))?;
+    output::data(format_args!("{}\n", kinds(evaluation)))?;
     output::data(format_args!("{}", recall(&evaluation.all.bop)))?;
     output::data(format_args!("{}", confidences(&evaluation.presence)))
+}
+
+/// How instances are found and missed: a row an object, a column for each kind that occurs.
+fn kinds(evaluation: &Evaluation) -> String {
+    let all = &evaluation.all.kinds;
+    let occur = || ErrorKind::ALL.into_iter().filter(|kind| all.contains_key(kind));
+    let cells = |name: &str, cell: &dyn Fn(ErrorKind) -> String| {
+        std::iter::once(name.to_owned()).chain(occur().map(cell)).collect::<Vec<String>>()
+    };
+    let counts = |name: &str, figures: &Figures| {
+        let count = |kind: ErrorKind| figures.kinds.get(&kind).map_or(0, |k| k.instances);
+        cells(name, &|kind| if count(kind) == 0 { String::new() } else { count(kind).to_string() })
+    };
+    let mean = |kind: ErrorKind| all[&kind].confidence.map_or_else(|| "-".to_owned(), |c| format!("{c:.2}"));
+    let rows =
+        (evaluation.objects.iter()).map(|(id, figures)| counts(&format!("object {id}"), figures)).chain([
+            counts("all", &evaluation.all),
+            cells("mean confidence", &mean),
+            cells("0.5 or more", &|kind| all[&kind].sure.to_string()),
+        ]);
+    let header: Vec<String> = cells("", &|kind| kind.name().replace('_', " "));
+    let right: Vec<usize> = (1..header.len()).collect();
+    output::table_of(header, &right, rows.collect())
 }
 
 /// Which of the BOP challenge's figures there are not, and why.

@@ -103,8 +103,8 @@ fn report(args: &ExplainArgs, dataset: &Dataset, explanation: &Explanation) -> R
     }
     let rows = explanation.explained.iter().map(Explained::row);
     output::data(format_args!(
-        "{}\n{}: shares of the covered pixels, median of observed minus rendered depth{}",
-        output::table(Explained::HEADER, &[1, 2, 3, 4, 5, 6, 7], rows),
+        "{}\n{}: shares of the covered pixels, median of observed minus rendered depth, agreement of print and picture{}",
+        output::table(Explained::HEADER, &[1, 2, 3, 4, 5, 6, 7, 8], rows),
         args.out.display(),
         if args.truth { "; outlines of the TRUTH drawn, too" } else { "" },
     ))

@@ -89,6 +89,12 @@ pub fn table<const N: usize>(
     right: &[usize],
     rows: impl IntoIterator<Item = [String; N]>,
 ) -> String {
+    let rows = rows.into_iter().map(Vec::from).collect();
+    table_of(header.map(str::to_owned).into(), right, rows)
+}
+
+/// The same of as many columns as there happen to be.
+pub fn table_of(header: Vec<String>, right: &[usize], rows: Vec<Vec<String>>) -> String {
     let mut table = Table::new();
     table.load_style(NOTHING).set_header(header);
     for row in rows {

@@ -16,7 +16,7 @@ use anyhow::{Context, Result};
 use grip_sim::bop::{self, Dataset};
 use grip_sim::render::{self, RendererChoice};
 
-pub use self::plan::{CameraPlace, DatasetOptions, PAPER_VIEWS, Plan, SCHEMA};
+pub use self::plan::{CameraPlace, DatasetOptions, PAPER_VIEWS, Plan, Profile, SCHEMA};
 pub use self::scene::{SCENE_SCHEMA, SceneFile, Timings};
 use crate::progress::Progress;
 use crate::setup::Setup;

@@ -32,6 +32,24 @@ pub enum CameraPlace {
     Sphere,
 }
 
+/// How hard a data set is.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum Profile {
+    /// One camera takes all pictures, well calibrated.
+    #[default]
+    Standard,
+    /// Another camera takes each: see [`CameraVariation`](grip_sim::sensor::variation::CameraVariation).
+    Hard,
+}
+
+impl Profile {
+    /// So that sets that were made before there were profiles can be gone on with.
+    fn is_standard(&self) -> bool {
+        *self == Self::Standard
+    }
+}
+
 /// What a data set is to be. The default is the paper's adversarial set.
 #[derive(Debug, Clone)]
 pub struct DatasetOptions {
@@ -43,6 +61,8 @@ pub struct DatasetOptions {
     pub views: Vec<String>,
     /// Where the camera is.
     pub camera: CameraPlace,
+    /// How hard it is.
+    pub profile: Profile,
     /// Depth noise preset in place of the scene's.
     pub depth_noise: Option<String>,
     /// Lens distortion by OpenCV's coefficients k1, k2, p1, p2, k3; none where it is empty.
@@ -58,6 +78,7 @@ impl Default for DatasetOptions {
             objects: Vec::new(),
             views: PAPER_VIEWS.map(|(name, _)| name.to_owned()).to_vec(),
             camera: CameraPlace::Head,
+            profile: Profile::Standard,
             depth_noise: None,
             distortion: Vec::new(),
             split: "test".into(),
@@ -100,6 +121,9 @@ pub struct Plan {
     pub views: Vec<View>,
     /// Where the camera is.
     pub camera: CameraPlace,
+    /// How hard it is; left out of a standard one.
+    #[serde(skip_serializing_if = "Profile::is_standard", default)]
+    pub profile: Profile,
     /// Of every picture.
     pub intrinsics: Intrinsics,
     /// Of the lens; BOP has no field for it, so it stands here alone.
@@ -153,6 +177,7 @@ impl Plan {
             split: options.split.clone(),
             views,
             camera: options.camera,
+            profile: options.profile,
             intrinsics: setup.camera.intrinsics,
             lens: (!distortion.is_none())
                 .then(|| Lens::new(&setup.camera.intrinsics, &distortion))

@@ -20,12 +20,13 @@ use grip_sim::rng;
 use grip_sim::scene::Scene;
 use grip_sim::sensor;
 use grip_sim::sensor::lens::Lens;
+use grip_sim::sensor::variation::CameraVariation;
 use nalgebra::Point3;
 use rand::RngExt;
 use schemars::JsonSchema;
 use serde::Serialize;
 
-use super::plan::{CameraPlace, DEPTH_SCALE_MM, Plan, View};
+use super::plan::{CameraPlace, DEPTH_SCALE_MM, Plan, Profile, View};
 use crate::progress::Progress;
 use crate::setup::Setup;
 
@@ -313,8 +314,12 @@ impl Making<'_> {
         let began = Instant::now();
         let Plan { intrinsics, sensors, .. } = self.plan;
         let mut random = rng::stream(self.seed, &format!("sensor/{}", view.name));
-        let frame =
+        let mut frame =
             sensor::sense(&rendering, condition, intrinsics, &layout.world_from_camera, sensors, &mut random);
+        if self.plan.profile == Profile::Hard {
+            let mut random = rng::stream(self.seed, &format!("camera/{}", view.name));
+            frame = CameraVariation::drawn(&mut random).applied(&frame, &mut random)?;
+        }
         self.timings.sensor += began.elapsed();
 
         let began = Instant::now();

@@ -1,5 +1,5 @@
 //! What speaks for the pose estimates of an image, and what against them: all of them are rendered together and compared
-//! with the observed depth, pixel by pixel. The truth is not asked.
+//! with the observed depth, pixel by pixel, and their prints with the colours. The truth is not asked.
 
 mod picture;
 
@@ -7,23 +7,30 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use anyhow::{Context, Result};
+use grip_perception::ColourEvidence;
 use grip_sim::bop::results::Estimate;
 use grip_sim::bop::{BopFrame, Dataset};
-use grip_sim::images::{Image, LabelImage};
+use grip_sim::images::{Image, LabelImage, RgbImage};
 use grip_sim::mesh::Visual;
 use grip_sim::objects;
 use grip_sim::pose::Pose;
 use grip_sim::render::cpu::CpuRenderer;
 use grip_sim::render::{Instance, Lighting, RenderScene, Renderer};
+use grip_sim::sensor::color::develop;
 use schemars::JsonSchema;
 use serde::Serialize;
 
 use crate::assets;
+use crate::benchmark::camera_frame;
 
 /// Readings nearer than this to the rendered surface, along the ray, support it, metres.
 pub const INLIER_M: f64 = 0.007;
 /// Estimates below this confidence are listed and not drawn.
 pub const LEAST_SCORE: f64 = 0.05;
+
+/// What is white in pictures of the models, cd/m^2: two thirds of what paper has that faces up in their light, since sides get
+/// less of it.
+const WHITE_NITS: f32 = 0.65 * 100.0 / std::f32::consts::PI;
 
 /// What the observed depth says of a pixel of a rendered estimate.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -89,6 +96,9 @@ pub struct Explained {
     pub shares: Option<Shares>,
     /// Median of observed minus rendered depth over those with a reading, millimetres.
     pub median_residual_mm: Option<f64>,
+    /// How what is printed on it agrees with the picture, -1 to 1 (see `agreement` of a posterior's colour); null of an object of
+    /// one colour, and where nothing of it is seen.
+    pub agreement: Option<f64>,
 }
 
 impl Explained {
@@ -111,6 +121,8 @@ pub struct Explanation {
     owner: LabelImage,
     /// Observed minus rendered depth, metres; only where [`verdicts`](Self::verdicts) has one that is no hole.
     residual_m: Image<f32>,
+    /// The models at the estimated poses, in even light.
+    models_seen: RgbImage,
     /// Where an estimate is.
     verdicts: Image<Option<Verdict>>,
     /// In the order of the estimates.
@@ -142,8 +154,9 @@ impl Explanation {
         let scene = RenderScene { instances, bounce: None };
         let mut renderer = CpuRenderer::new().with_smooth_edges(false);
         // The camera is the world.
-        let rendering =
-            renderer.render(&scene, &Lighting::default(), &frame.intrinsics, &Pose::identity())?;
+        let even = Lighting { ambient_lux: 100.0, ..Lighting::default() };
+        let rendering = renderer.render(&scene, &even, &frame.intrinsics, &Pose::identity())?;
+        let models_seen = develop(&rendering.radiance, WHITE_NITS.recip());
 
         let (width, height) = (frame.depth.width(), frame.depth.height());
         let mut residual_m = Image::filled(width, height, 0.0);
@@ -162,6 +175,11 @@ impl Explanation {
             }
         }
         let names = names(dataset);
+        let evidence = ColourEvidence::new(&camera_frame(&frame));
+        let agreement = |estimate: &Estimate| {
+            let visual = models.get(&estimate.obj_id)?;
+            evidence.as_ref()?.agreement(visual, &estimate.camera_from_object)
+        };
         let explained = estimates
             .iter()
             .enumerate()
@@ -183,6 +201,7 @@ impl Explanation {
                     covered_px: pixels().count(),
                     shares: Shares::of(pixels().map(|(verdict, _)| verdict)),
                     median_residual_mm: median(read.collect()).map(|m| 1e3 * f64::from(m)),
+                    agreement: agreement(estimate).filter(|_| drawn[i]),
                 }
             })
             .collect();
@@ -193,6 +212,7 @@ impl Explanation {
             models,
             owner: rendering.labels,
             residual_m,
+            models_seen,
             verdicts,
             explained,
             shares,

@@ -1,4 +1,4 @@
-//! The picture: three panels with captions and legends, and a table below.
+//! The picture: four panels with captions and legends, and a table below.
 
 use grip_sim::bop::BopFrame;
 use grip_sim::camera::Intrinsics;
@@ -59,11 +59,20 @@ impl Verdict {
 
 impl Explained {
     /// Of [`row`](Self::row).
-    pub const HEADER: [&str; 8] =
-        ["", "confidence", "covered px", "inlier", "occluded", "violated", "no reading", "median mm"];
+    pub const HEADER: [&str; 9] = [
+        "",
+        "confidence",
+        "covered px",
+        "inlier",
+        "occluded",
+        "violated",
+        "no reading",
+        "median mm",
+        "colour",
+    ];
 
     /// For tables.
-    pub fn row(&self) -> [String; 8] {
+    pub fn row(&self) -> [String; 9] {
         let dash = || "-".to_owned();
         let [inlier, occluded, violated, hole] =
             self.shares.map_or([(); 4].map(|()| dash()), |shares| shares.values().map(percent));
@@ -72,7 +81,9 @@ impl Explained {
             // So that what rounds to zero has one sign.
             format!("{:+.1}", (10.0 * mm).round() / 10.0 + 0.0)
         });
-        [self.title(), format!("{:.3}", self.score), covered, inlier, occluded, violated, hole, median]
+        let agreement = self.agreement.map_or_else(dash, |a| format!("{a:+.2}"));
+        let score = format!("{:.3}", self.score);
+        [self.title(), score, covered, inlier, occluded, violated, hole, median, agreement]
     }
 }
 
@@ -124,10 +135,12 @@ impl Explanation {
         let rows = self.explained.len().min(MOST_ROWS);
         let hidden = self.explained.len() - rows;
         let table_lines = 1 + rows as u32 + u32::from(hidden > 0);
-        let top = GAP + 2 * layout.line + layout.line / 2;
-        let legend = top + height + GAP / 2;
-        let table = legend + 2 * layout.line + GAP;
-        let size = [3 * width + 4 * GAP, table + table_lines * layout.line + GAP];
+        let header = GAP + layout.line;
+        // A caption, a panel, a legend of two lines.
+        let caption = layout.line + layout.line / 2;
+        let part = caption + height + GAP / 2 + 2 * layout.line + GAP;
+        let table = header + 2 * part;
+        let size = [2 * width + 3 * GAP, table + table_lines * layout.line + GAP];
         let mut picture = RgbImage::from_pixel(size[0], size[1], image::Rgb(WHITE));
         layout.write_bold(&mut picture, [GAP, GAP], title);
 
@@ -135,18 +148,26 @@ impl Explanation {
         let captions = [
             "Estimates, with their confidence".to_owned()
                 + if truth { "; thin and dashed: the TRUTH" } else { "" },
+            "Models at these poses: is their print where the picture has it?".to_owned(),
             format!("Residual: observed minus rendered depth, clipped at +-{clip_mm} mm"),
             format!("Verdict along each ray; inliers are within {} mm", 1e3 * INLIER_M),
         ];
-        let panels = [self.outlines(&layout, truth), self.residuals(&layout), self.verdict_map(&layout)];
-        let lefts = [0, 1, 2].map(|i| GAP + i * (width + GAP));
-        for ((left, caption), panel) in lefts.into_iter().zip(&captions).zip(&panels) {
-            layout.write(&mut picture, [left, GAP + layout.line + layout.line / 4], caption);
-            imageops::overlay(&mut picture, panel, i64::from(left), i64::from(top));
+        let panels = [
+            self.outlines(&layout, truth),
+            self.models(&layout),
+            self.residuals(&layout),
+            self.verdict_map(&layout),
+        ];
+        let corners = [0, 1, 2, 3].map(|i| [GAP + i % 2 * (width + GAP), header + i / 2 * part]);
+        for (([left, top], text), panel) in corners.into_iter().zip(&captions).zip(&panels) {
+            layout.write(&mut picture, [left, top + layout.line / 4], text);
+            imageops::overlay(&mut picture, panel, i64::from(left), i64::from(top + caption));
         }
-        self.legend_of_outlines(&layout, &mut picture, [lefts[0], legend]);
-        legend_of_residuals(&layout, &mut picture, [lefts[1], legend]);
-        self.legend_of_verdicts(&layout, &mut picture, [lefts[2], legend]);
+        let lefts = [0, 2, 3].map(|i| corners[i][0]);
+        let legends = [0, 2, 3].map(|i| corners[i][1] + caption + height + GAP / 2);
+        self.legend_of_outlines(&layout, &mut picture, [lefts[0], legends[0]]);
+        legend_of_residuals(&layout, &mut picture, [lefts[1], legends[1]]);
+        self.legend_of_verdicts(&layout, &mut picture, [lefts[2], legends[2]]);
         self.table(&layout, &mut picture, [GAP, table], rows);
         picture
     }
@@ -189,6 +210,17 @@ impl Explanation {
     fn outline(&self, layout: &Layout, obj_id: u32, pose: &Pose<Camera, Object>) -> Option<Outline> {
         let zoomed = zoomed(&self.frame.intrinsics, layout.zoom as usize);
         Outline::new(&silhouette(&self.models.get(&obj_id)?.mesh, pose, &zoomed)?, layout.panel)
+    }
+
+    /// The models where they are rendered, and a dark grey image elsewhere.
+    fn models(&self, layout: &Layout) -> RgbImage {
+        let rgb = &self.frame.rgb;
+        let small = RgbImage::from_fn(rgb.width(), rgb.height(), |u, v| {
+            let covered = *self.owner.at(u as usize, v as usize) > 0;
+            let darker = || image::Rgb(darkened(rgb.get_pixel(u, v).0));
+            if covered { *self.models_seen.get_pixel(u, v) } else { darker() }
+        });
+        imageops::resize(&small, layout.panel[0], layout.panel[1], FilterType::Triangle)
     }
 
     fn residuals(&self, layout: &Layout) -> RgbImage {
@@ -251,7 +283,7 @@ impl Explanation {
 
     fn table(&self, layout: &Layout, picture: &mut RgbImage, [x, y]: [u32; 2], rows: usize) {
         let longest = self.explained.iter().map(|e| e.title().len()).max().unwrap_or(0);
-        let line = |cells: [&str; 8]| {
+        let line = |cells: [&str; 9]| {
             let [title, cells @ ..] = cells;
             cells.iter().fold(format!("{title:longest$}"), |text, cell| format!("{text}  {cell:>10}"))
         };

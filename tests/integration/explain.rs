@@ -71,11 +71,15 @@ fn what_a_pose_explains_is_what_it_should() {
             assert!(e["covered_px"].as_u64().unwrap() > 100 && e["score"] == 0.5, "{e}");
         }
         assert!(json["shares"][verdict].as_f64().unwrap() > least, "{}", json["shares"]);
+        let agreements: Vec<f64> = estimates.iter().filter_map(|e| e["agreement"].as_f64()).collect();
+        if away_mm == 0.0 {
+            assert!(agreements.iter().any(|a| *a > 0.5), "{agreements:?}");
+        }
     }
-    // Three panels of the image's size, with margins.
+    // Two by two panels of the image's size, with margins.
     let drawn = image::open(&picture).unwrap();
-    assert_eq!(drawn.width(), 3 * 640 + 4 * 12);
-    assert!((480..900).contains(&drawn.height()), "{}", drawn.height());
+    assert_eq!(drawn.width(), 2 * 640 + 3 * 12);
+    assert!((2 * 480..1500).contains(&drawn.height()), "{}", drawn.height());
 
     // Those of no confidence are listed.
     std::fs::write(&results, truth(&set, 0.0, 0.5) + &truth(&set, 30.0, 0.01)).unwrap();

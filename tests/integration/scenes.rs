@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use crate::common::{self, code, grip, root, stderr, stdout};
+use grip_sim::bop::{self, Dataset};
 
 /// Runs `grip scenes` on the adversarial scene.
 fn scenes(out: &Path, more: &[&str]) -> std::process::Output {
@@ -122,6 +123,25 @@ fn an_independent_checker_finds_nothing_wrong_and_conditions_are_what_they_say()
     assert!(image::open(out.join("preview.png")).unwrap().width() > 900);
 
     common::python("check_bop.py", "numpy, PIL", &[&out, Path::new("--models-depth")]);
+
+    // What is seen of an object is measured about the same without the files that tell it.
+    let set = Dataset::open(&out, None).unwrap();
+    let mut compared = 0;
+    for im_id in 0..4 {
+        let frame = set.frame(1, im_id).unwrap();
+        for truth in &frame.ground_truths {
+            let mesh = set.load_model(truth.obj_id).unwrap().mesh;
+            let pose = &truth.camera_from_object;
+            let found = bop::estimated_gt_info(&mesh, pose, &frame.depth, &frame.intrinsics).unwrap();
+            let told = truth.info.unwrap();
+            let off = |a: [i32; 4], b: [i32; 4]| (0..4).map(|i| (a[i] - b[i]).abs()).max().unwrap();
+            assert!(off(found.bbox_obj, told.bbox_obj) <= 1, "{found:?} {told:?}");
+            // Objects that touch are nearer to each other than depths are told apart.
+            assert!((found.visib_fract - told.visib_fract).abs() < 0.06, "{found:?} {told:?}");
+            compared += 1;
+        }
+    }
+    assert!(compared >= 20);
 }
 
 #[test]
@@ -142,6 +162,30 @@ fn a_lens_and_a_sphere_of_cameras_are_options() {
     let plan: serde_json::Value =
         serde_json::from_slice(&std::fs::read(bent.join("dataset.json")).unwrap()).unwrap();
     assert_eq!(plan["distortion"]["k1"], -0.25);
+}
+
+#[test]
+fn a_hard_set_has_the_same_truth_and_other_cameras() {
+    let folder = tempfile::tempdir().unwrap();
+    let [standard, hard, again] = ["standard", "hard", "again"].map(|name| folder.path().join(name));
+    let make = |out: &Path, more: &[&str]| {
+        let output = scenes(out, &[&["--scenes", "2", "--views", "B,D"], more].concat());
+        assert_eq!(code(&output), 0, "{}", stderr(&output));
+    };
+    make(&standard, &[]);
+    make(&hard, &["--profile", "hard", "--jobs", "1"]);
+    make(&again, &["--profile", "hard", "--jobs", "2"]);
+    assert_same(&hard, &again);
+    let (standard, files) = (files(&standard), files(&hard));
+    for (name, content) in &standard {
+        let name = name.to_str().unwrap();
+        let sensed = ["rgb/", "depth/", "scene_gt_info.json", "dataset.json"];
+        let differs = sensed.iter().any(|part| name.contains(part));
+        assert_eq!(content != &files[Path::new(name)], differs, "{name}");
+    }
+    let plan: serde_json::Value = serde_json::from_slice(&files[Path::new("dataset.json")]).unwrap();
+    assert_eq!(plan["profile"], "hard");
+    common::python("check_bop.py", "numpy, PIL", &[&hard]);
 }
 
 #[test]

@@ -18,6 +18,7 @@ mod score;
 mod search;
 mod settings;
 
+pub use self::colour::ColourEvidence;
 pub use self::estimator::GripEstimator;
 pub use self::settings::{
     BeliefSettings, ColourSettings, GripSettings, JointSettings, NearSymmetrySettings, PolishSettings,

@@ -1,10 +1,11 @@
 //! Pose metrics as the field defines them: ADD and ADD-S ([`add`](fn@add), [`adds`]) and the area under their
 //! accuracy-threshold curve ([`auc`]), and the BOP challenge's: MSSD and MSPD ([`SymmetricShape`]), [`vsd`](fn@vsd), and the
-//! average recall over their thresholds ([`AverageRecall`]).
+//! average recall over their thresholds ([`AverageRecall`]); and in words how an estimate is wrong ([`ErrorKind`]).
 //!
 //! Pure functions of poses, models and depth images; who compares belief with truth is not this crate's business.
 
 mod add;
+mod kind;
 mod recall;
 mod surface_distance;
 mod vsd;
@@ -12,6 +13,7 @@ mod vsd;
 use nalgebra::Point3;
 
 pub use add::{Surface, add, adds};
+pub use kind::{ErrorKind, ErrorKinds};
 pub use recall::{AverageRecall, Hits, Measured, PairErrors, THRESHOLDS};
 pub use surface_distance::{SYMMETRY_STEP, SymmetricShape};
 pub use vsd::{DELTA_M, vsd};

@@ -1,7 +1,11 @@
 //! `scene_gt_info.json`: what is measured of an instance's silhouette and visible part.
 
 use super::format::GtInfo;
+use crate::camera::Intrinsics;
 use crate::images::{DepthImage, Image};
+use crate::mesh::Mesh;
+use crate::pose::{Camera, Object, Pose};
+use crate::render::silhouette;
 use crate::{Error, Result};
 
 /// An instance's counts and boxes, as the toolkit's `calc_gt_info` takes them.
@@ -51,6 +55,37 @@ pub fn gt_info(
         px_count_visib: seen.count,
         visib_fract,
     })
+}
+
+/// A surface counts as seen when it is no farther behind the measured one than this along its ray, metres: the toolkit's.
+const SEEN_M: f64 = 0.015;
+
+/// The same of an object at a pose in a picture that others took: what is seen of it is found by comparing depths, as the toolkit
+/// does. Where nothing was measured nothing hides. Nothing is seen of what is behind the camera or far out of the image.
+///
+/// # Errors
+/// When intrinsics and depth picture differ in size.
+pub fn estimated_gt_info(
+    mesh: &Mesh,
+    camera_from_object: &Pose<Camera, Object>,
+    depth: &DepthImage,
+    intrinsics: &Intrinsics,
+) -> Result<GtInfo> {
+    let (width, height) = (depth.width(), depth.height());
+    let mut visible = Image::filled(width, height, false);
+    let Some(outline) = silhouette(mesh, camera_from_object, intrinsics) else {
+        return gt_info(&Image::filled(0, 0, false), [0, 0], &visible, depth);
+    };
+    for [x, y] in pixels(&outline.mask) {
+        let inside = |at: i32, end: usize| usize::try_from(at).ok().filter(|at| *at < end);
+        let (u, v) = (inside(x + outline.offset[0], width), inside(y + outline.offset[1], height));
+        let Some((u, v)) = u.zip(v) else { continue };
+        let rendered = 1.0 / f64::from(*outline.inverse_depth.at(x as usize, y as usize));
+        let measured = f64::from(*depth.at(u, v));
+        let ray = intrinsics.back_project(u as f64, v as f64, 1.0).coords.norm();
+        *visible.at_mut(u, v) = measured <= 0.0 || (rendered - measured) * ray <= SEEN_M;
+    }
+    gt_info(&outline.mask, outline.offset, &visible, depth)
 }
 
 /// Columns and rows of the pixels that are set.

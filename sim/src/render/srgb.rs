@@ -8,7 +8,7 @@ pub(crate) fn to_linear(encoded: f32) -> f32 {
 }
 
 /// Encoded value, 0 to 1, of linear light 0 to 1.
-fn from_linear(linear: f32) -> f32 {
+pub(crate) fn from_linear(linear: f32) -> f32 {
     if linear <= 0.003_130_8 { linear * 12.92 } else { 1.055 * linear.powf(1.0 / 2.4) - 0.055 }
 }
 

@@ -255,8 +255,8 @@ fn sums_body(
                 }
             }
         }
-        for c in 0..3 {
-            let [a, aa, ab, left] = sums[c].map(F8::sum);
+        for (c, sums) in sums.iter().enumerate() {
+            let [a, aa, ab, left] = sums.map(F8::sum);
             (cell.seen[c], cell.squares[c], cell.products[c], cell.unshaded[c]) = (a, aa, ab, left);
         }
     }

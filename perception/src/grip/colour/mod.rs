@@ -16,6 +16,9 @@ mod view;
 
 use std::f32::consts::TAU;
 
+use grip_sim::frame::CameraFrame;
+use grip_sim::mesh::Visual;
+use grip_sim::pose::{Camera, Object, Pose};
 use nalgebra::{Isometry3, UnitQuaternion};
 
 pub(crate) use self::picture::Picture;
@@ -25,10 +28,11 @@ use self::view::View;
 use super::search::Search;
 use super::settings::ColourSettings;
 use crate::error::Result;
-use crate::model::Model;
-use crate::observation::Observation;
+use crate::model::{Model, Print};
+use crate::observation::{Observation, ObservationSettings};
 use crate::particles::{ScoredPose, SearchResult};
 use crate::posterior::ColourVerdict;
+use crate::support::SupportSettings;
 use crate::symmetry::{SymmetryGroup, turned_about};
 
 /// Of the other bodies' rivals so many are looked at closely, those whose sketches agree best.
@@ -37,6 +41,30 @@ const LOOKED_AT: usize = 8;
 const REFINED: usize = 3;
 /// Halvings of the step of these: from 15 degrees to one.
 const HALVINGS: usize = 4;
+
+/// How the prints of objects agree with a picture, for who wants to see why a pose is believed.
+#[derive(Debug)]
+pub struct ColourEvidence {
+    picture: Picture,
+    observation: Observation,
+    settings: ColourSettings,
+}
+
+impl ColourEvidence {
+    /// Of a frame; `None` where its colour and depth image differ in size.
+    pub fn new(frame: &CameraFrame) -> Option<Self> {
+        let settings = ObservationSettings { support: SupportSettings::off(), ..Default::default() };
+        let observation = Observation::new(frame, &settings, None);
+        Some(Self { picture: Picture::new(frame)?, observation, settings: ColourSettings::default() })
+    }
+
+    /// See [`ColourVerdict::agreement`]; `None` of an object of one colour, and where nothing of it is seen.
+    pub fn agreement(&self, visual: &Visual, pose: &Pose<Camera, Object>) -> Option<f64> {
+        let (print, pose) = (Print::new(visual)?, pose.iso().cast());
+        let view = View::new(&print, &pose, &self.observation, &self.picture, &self.settings)?;
+        view.agreement(&pose).map(|agreement| f64::from(agreement.total))
+    }
+}
 
 /// Of the best pose of `found` and those that depth confuses with it, takes the one that depth and colour together like best:
 /// whose score and weighted agreement with the picture sum to most. `None` when there is nothing to go by: no print on the
@@ -67,7 +95,8 @@ pub(crate) fn decide(
         gain: f64::from(agreement.total - present.total),
         abstained,
     };
-    let gain = |a: &Agreement| settings.weight * (a.total - present.total);
+    // Where print and picture are opposites they agree no less than where they have nothing in common.
+    let gain = |a: &Agreement| settings.weight * (a.total.max(0.0) - present.total.max(0.0));
     // Before it is polished a pose need not be better by the margin yet.
     let mut standing: Vec<Isometry3<f32>> = Vec::new();
     for (pose, a) in &rivals {

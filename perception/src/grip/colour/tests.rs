@@ -304,8 +304,8 @@ fn colour_never_overrules_geometry() {
     let truth = standing(0.9);
     let frame = frame(&model, |p| two_coloured(&(half_turns()[2] * p)), &truth, DAY);
     let settings = ColourSettings::default();
-    let (pose, _) = decided(&model, &frame, &truth, &settings);
-    assert!(off(&pose, &truth) < 2.0);
+    let (pose, verdict) = decided(&model, &frame, &truth, &settings);
+    assert!(off(&pose, &truth) < 2.0, "{} degrees off, {verdict:?}", off(&pose, &truth));
     let (pose, _) = decided(&model, &frame, &truth, &ColourSettings { depth_margin: 1.0, ..settings });
     assert!(off(&pose, &truth) > 170.0, "the print does prefer the other side");
 }

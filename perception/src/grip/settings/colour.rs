@@ -11,15 +11,15 @@ use crate::checks::{Checked, within};
 pub struct ColourSettings {
     /// Whether it may (true; the paper: not). Switched off, poses are left as depth has them.
     pub enabled: bool,
-    /// What an agreement with the picture of 1 is worth, in units of the depth score, 0 to 10 (0.4).
+    /// What an agreement with the picture of 1 (see [`ColourVerdict::agreement`](crate::ColourVerdict::agreement)) is worth, in
+    /// units of the depth score, 0 to 10 (0.4).
     pub weight: f32,
     /// By how much score and weighted agreement of a pose must be better together than those of the present one, 0 to 1 (0.02).
     pub margin: f32,
     /// A pose whose depth score, after polishing, is lower than that of the present one by more is no equal of it, whatever its
     /// print, 0 to 1 (0.1).
     pub depth_margin: f32,
-    /// How well the print at a pose must agree with the picture, -1 to 1 (0.15): with noise it does up to 0.1; see
-    /// [`ColourVerdict::agreement`](crate::ColourVerdict::agreement).
+    /// How well the print at a pose must agree with the picture, -1 to 1 (0.1: with noise it does nearly as well).
     pub min_agreement: f32,
     /// Pixels below which nothing is decided, 10 or more (60); an object has 1000 to 5000 at the resolution at which it is compared.
     pub min_pixels: usize,
@@ -42,7 +42,7 @@ impl Default for ColourSettings {
             weight: 0.4,
             margin: 0.02,
             depth_margin: 0.1,
-            min_agreement: 0.15,
+            min_agreement: 0.1,
             min_pixels: 60,
             most_shift_px: 6.0,
             revolution_steps: 24,
@@ -66,8 +66,8 @@ impl ColourSettings {
     pub fn validate(&self) -> Checked {
         within("weight", self.weight, 0.0..=10.0, "")?;
         within("margin", self.margin, 0.0..=1.0, "")?;
-        within("depth_margin", self.depth_margin, 0.0..=1.0, "")?;
         within("min_agreement", self.min_agreement, -1.0..=1.0, "")?;
+        within("depth_margin", self.depth_margin, 0.0..=1.0, "")?;
         within("min_pixels", self.min_pixels, 10..=100_000, "pixels")?;
         within("most_shift_px", self.most_shift_px, 0.0..=8.0, "pixels")?;
         within("revolution_steps", self.revolution_steps, 4..=360, "")?;

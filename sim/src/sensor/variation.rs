@@ -1,0 +1,289 @@
+//! Another camera for each picture: how a real one's colour and depth image differ from what [`super::sense`] makes of a scene.
+//!
+//! For data sets on which estimators are to be told apart, and on which they are tuned for real pictures without looking at
+//! any. Ranges are of common RGB-D cameras and their drivers: automatic exposure and white balance that err, tone curves,
+//! sharpening, JPEG compression; colour that lies some pixels beside depth; depth that is off by millimetres, differently in
+//! different parts of the image, and missing at edges and in patches.
+
+use image::codecs::jpeg::{JpegDecoder, JpegEncoder};
+use image::imageops;
+use image::{DynamicImage, ExtendedColorType, ImageEncoder, ImageResult, Rgb32FImage};
+use nalgebra::Vector2;
+use rand::RngExt;
+use rand_chacha::ChaCha8Rng;
+
+use super::normal::normal;
+use crate::frame::CameraFrame;
+use crate::images::{DepthImage, RgbImage};
+use crate::render::srgb::{LINEAR_OF_8BIT, from_linear};
+
+/// Standard deviation of exposure, stops.
+const EXPOSURE_STOPS: f32 = 0.8;
+/// Of the logarithm of each channel's gain.
+const WHITE_BALANCE: f32 = 0.15;
+/// Contrast and saturation are drawn from these ranges,
+const CONTRAST: [f32; 2] = [0.9, 1.35];
+const SATURATION: [f32; 2] = [0.7, 1.5];
+/// blur (standard deviation, pixels), sharpening (share of what a blur of 1.5 pixels takes away),
+const BLUR_PX: [f32; 2] = [0.4, 1.5];
+const SHARPENING: [f32; 2] = [0.0, 1.5];
+const SHARPENED_PX: f32 = 1.5;
+/// noise (standard deviation, of code values from 0 to 1), quality of the compression,
+const NOISE: [f32; 2] = [0.005, 0.04];
+const JPEG_QUALITY: [u8; 2] = [40, 95];
+/// and the shift of colour against depth, pixels along each side.
+const SHIFT_PX: [f32; 2] = [-4.0, 4.0];
+/// Depth is off by a smooth field: standard deviation at its nodes, metres, and nodes along the picture's sides; and by one
+/// amount everywhere.
+const BIAS_M: f32 = 0.002;
+const BIAS_NODES: [usize; 2] = [8, 6];
+const OFFSET_M: f32 = 0.0015;
+/// Depth jumps by more from one pixel to the next at an edge, metres; this share of the stretches along edges is missing, in
+/// pieces of so many pixels.
+const EDGE_M: f32 = 0.015;
+const EDGE_SHARE: f32 = 0.5;
+const EDGE_PIECE_PX: usize = 6;
+/// And this share of patches of so many pixels anywhere.
+const PATCH_SHARE: f32 = 0.014;
+const PATCH_PX: usize = 12;
+
+/// What is peculiar to the camera of one picture.
+#[derive(Debug, Clone, PartialEq)]
+pub struct CameraVariation {
+    /// Factor of each channel's linear light: exposure and white balance.
+    pub gain: [f32; 3],
+    /// Factors about middle grey, and about grey of the same brightness.
+    pub contrast: f32,
+    #[expect(missing_docs, reason = "with contrast")]
+    pub saturation: f32,
+    /// Standard deviation, pixels.
+    pub blur_px: f32,
+    /// Share of an unsharp mask.
+    pub sharpening: f32,
+    /// Standard deviation, code values from 0 to 1.
+    pub noise: f32,
+    /// Of the compression, 1 to 100.
+    pub jpeg_quality: u8,
+    /// Of colour against depth, pixels to the right and down.
+    pub shift_px: [f32; 2],
+    /// What is added to depth, metres: at nodes spread evenly over the picture, row by row.
+    pub depth_bias_m: Vec<f32>,
+}
+
+impl CameraVariation {
+    /// A camera by chance.
+    pub fn drawn(rng: &mut ChaCha8Rng) -> Self {
+        let within = |[low, high]: [f32; 2], rng: &mut ChaCha8Rng| low + (high - low) * rng.random::<f32>();
+        let exposure = (EXPOSURE_STOPS * normal(rng)).exp2();
+        let gain = [(); 3].map(|()| exposure * (WHITE_BALANCE * normal(rng)).exp());
+        let offset = OFFSET_M * normal(rng);
+        let nodes = BIAS_NODES[0] * BIAS_NODES[1];
+        Self {
+            gain,
+            contrast: within(CONTRAST, rng),
+            saturation: within(SATURATION, rng),
+            blur_px: within(BLUR_PX, rng),
+            sharpening: within(SHARPENING, rng),
+            noise: within(NOISE, rng),
+            jpeg_quality: rng.random_range(JPEG_QUALITY[0]..=JPEG_QUALITY[1]),
+            shift_px: [within(SHIFT_PX, rng), within(SHIFT_PX, rng)],
+            depth_bias_m: (0..nodes).map(|_| offset + BIAS_M * normal(rng)).collect(),
+        }
+    }
+
+    /// The frame as this camera takes it.
+    ///
+    /// # Errors
+    /// When the picture cannot be compressed: it has no pixels, or more than 65535 a side.
+    pub fn applied(&self, frame: &CameraFrame, rng: &mut ChaCha8Rng) -> ImageResult<CameraFrame> {
+        Ok(CameraFrame {
+            rgb: self.colour(&frame.rgb, rng)?,
+            depth: self.depth(&frame.depth, rng),
+            ..frame.clone()
+        })
+    }
+
+    fn colour(&self, rgb: &RgbImage, rng: &mut ChaCha8Rng) -> ImageResult<RgbImage> {
+        let toned = Rgb32FImage::from_fn(rgb.width(), rgb.height(), |u, v| {
+            let pixel = rgb.get_pixel(u, v).0;
+            let code = [0, 1, 2].map(|c| {
+                let light = LINEAR_OF_8BIT[usize::from(pixel[c])] * self.gain[c];
+                let code = from_linear(light.clamp(0.0, 1.0));
+                ((code - 0.5) * self.contrast + 0.5).clamp(0.0, 1.0)
+            });
+            let grey = code.iter().sum::<f32>() / 3.0;
+            image::Rgb(code.map(|c| (grey + (c - grey) * self.saturation).clamp(0.0, 1.0)))
+        });
+        let mut taken = imageops::blur(&toned, self.blur_px);
+        let soft = imageops::blur(&taken, SHARPENED_PX);
+        for (code, soft) in taken.iter_mut().zip(soft.iter()) {
+            *code += self.sharpening * (*code - soft) + self.noise * normal(rng);
+        }
+        let (width, height) = (rgb.width(), rgb.height());
+        let shifted = RgbImage::from_fn(width, height, |u, v| {
+            let at = Vector2::new(u as f32, v as f32) - Vector2::from(self.shift_px);
+            let most = Vector2::new(width as f32 - 1.0, height as f32 - 1.0);
+            let at = at.sup(&Vector2::zeros()).inf(&most);
+            let code = imageops::interpolate_bilinear(&taken, at.x, at.y).map_or([0.0; 3], |p| p.0);
+            image::Rgb(code.map(|c| (255.0 * c.clamp(0.0, 1.0) + 0.5) as u8))
+        });
+        compressed(&shifted, self.jpeg_quality)
+    }
+
+    fn depth(&self, depth: &DepthImage, rng: &mut ChaCha8Rng) -> DepthImage {
+        let (width, height) = (depth.width(), depth.height());
+        let missing_edges = Patches::new(width, height, EDGE_PIECE_PX, EDGE_SHARE, rng);
+        let missing = Patches::new(width, height, PATCH_PX, PATCH_SHARE, rng);
+        let mut taken = depth.clone();
+        for v in 0..height {
+            for u in 0..width {
+                let z = *depth.at(u, v);
+                let step = |a: usize, b: usize| {
+                    let other = *depth.at(a.min(width - 1), b.min(height - 1));
+                    other > 0.0 && (other - z).abs() > EDGE_M
+                };
+                let edge = || step(u + 1, v) || step(u, v + 1) || step(u.wrapping_sub(1).min(u), v);
+                let lost = missing.covers(u, v) || (missing_edges.covers(u, v) && edge());
+                *taken.at_mut(u, v) =
+                    if z > 0.0 && !lost { z + self.bias(u, v, [width, height]) } else { 0.0 };
+            }
+        }
+        taken
+    }
+
+    /// Between nodes bilinear.
+    fn bias(&self, u: usize, v: usize, size: [usize; 2]) -> f32 {
+        let place = |x: usize, axis: usize| {
+            let last = BIAS_NODES[axis] - 1;
+            let at = x as f32 / (size[axis] - 1).max(1) as f32 * last as f32;
+            let node = (at as usize).min(last - 1);
+            (node, at - node as f32)
+        };
+        let ((x, p), (y, q)) = (place(u, 0), place(v, 1));
+        let node = |x: usize, y: usize| self.depth_bias_m[y * BIAS_NODES[0] + x];
+        let row = |y: usize| node(x, y) + p * (node(x + 1, y) - node(x, y));
+        row(y) + q * (row(y + 1) - row(y))
+    }
+}
+
+/// Squares of a grid, some of which are chosen.
+struct Patches {
+    side: usize,
+    columns: usize,
+    chosen: Vec<bool>,
+}
+
+impl Patches {
+    fn new(width: usize, height: usize, side: usize, share: f32, rng: &mut ChaCha8Rng) -> Self {
+        let (columns, rows) = (width.div_ceil(side), height.div_ceil(side));
+        let chosen = (0..columns * rows).map(|_| rng.random::<f32>() < share).collect();
+        Self { side, columns, chosen }
+    }
+
+    fn covers(&self, u: usize, v: usize) -> bool {
+        self.chosen[v / self.side * self.columns + u / self.side]
+    }
+}
+
+/// As JPEG leaves it.
+fn compressed(rgb: &RgbImage, quality: u8) -> ImageResult<RgbImage> {
+    let mut file = Vec::new();
+    JpegEncoder::new_with_quality(&mut file, quality).write_image(
+        rgb.as_raw(),
+        rgb.width(),
+        rgb.height(),
+        ExtendedColorType::Rgb8,
+    )?;
+    let decoder = JpegDecoder::new(std::io::Cursor::new(file))?;
+    Ok(DynamicImage::from_decoder(decoder)?.into_rgb8())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::camera::Intrinsics;
+    use crate::pose::Pose;
+    use crate::rng;
+
+    /// A camera that changes nothing.
+    fn plain() -> CameraVariation {
+        CameraVariation {
+            gain: [1.0; 3],
+            contrast: 1.0,
+            saturation: 1.0,
+            blur_px: 0.01,
+            sharpening: 0.0,
+            noise: 0.0,
+            jpeg_quality: 100,
+            shift_px: [0.0; 2],
+            depth_bias_m: vec![0.0; BIAS_NODES[0] * BIAS_NODES[1]],
+        }
+    }
+
+    /// A bright square on a dark ground, 1 m away.
+    fn frame() -> CameraFrame {
+        let intrinsics = Intrinsics { width: 96, height: 64, ..Intrinsics::FETCH };
+        let rgb = RgbImage::from_fn(96, 64, |u, v| {
+            let inside = (40..56).contains(&u) && (24..40).contains(&v);
+            image::Rgb(if inside { [200, 120, 60] } else { [60, 60, 60] })
+        });
+        let depth = DepthImage::filled(96, 64, 1.0);
+        CameraFrame { rgb, depth, intrinsics, world_from_camera: Pose::identity() }
+    }
+
+    fn taken(variation: &CameraVariation) -> CameraFrame {
+        variation.applied(&frame(), &mut rng::stream(1, "camera")).unwrap()
+    }
+
+    /// Mean position of what is red, pixels.
+    fn middle(rgb: &RgbImage) -> [f32; 2] {
+        let red = rgb.enumerate_pixels().filter(|(_, _, p)| p.0[0] > p.0[2] + 50);
+        let (n, x, y) = red.fold((0.0, 0.0, 0.0), |s, (u, v, _)| (s.0 + 1.0, s.1 + u as f32, s.2 + v as f32));
+        [x / n, y / n]
+    }
+
+    #[test]
+    fn a_plain_camera_changes_next_to_nothing() {
+        let (taken, given) = (taken(&plain()), frame());
+        let off = || taken.rgb.iter().zip(given.rgb.iter()).map(|(a, b)| a.abs_diff(*b));
+        let mean = off().map(f64::from).sum::<f64>() / off().count() as f64;
+        // JPEG keeps colour at half resolution.
+        assert!(mean < 1.0 && off().all(|off| off < 60), "{mean}");
+        let kept = taken.depth.data().iter().filter(|z| **z == 1.0).count();
+        let missing = 1.0 - kept as f32 / (96.0 * 64.0);
+        assert!(missing < 0.06 && taken.depth.data().iter().all(|z| [0.0, 1.0].contains(z)), "{missing}");
+    }
+
+    #[test]
+    fn gain_is_of_linear_light_and_colour_is_shifted_against_depth() {
+        let darker = taken(&CameraVariation { gain: [0.5; 3], ..plain() });
+        // 200 is 0.578 of linear light; half of it is 146.
+        assert!(darker.rgb.get_pixel(48, 32).0[0].abs_diff(146) <= 2, "{:?}", darker.rgb.get_pixel(48, 32));
+        let shifted = taken(&CameraVariation { shift_px: [3.0, -2.0], ..plain() });
+        let [x, y] = middle(&shifted.rgb);
+        let [x0, y0] = middle(&frame().rgb);
+        assert!((x - x0 - 3.0).abs() < 0.3 && (y - y0 + 2.0).abs() < 0.3, "{x} {y}");
+    }
+
+    #[test]
+    fn the_bias_of_depth_is_that_of_its_nodes() {
+        let nodes = (0..BIAS_NODES[0] * BIAS_NODES[1]).map(|i| 0.001 * (i % BIAS_NODES[0]) as f32).collect();
+        let taken = taken(&CameraVariation { depth_bias_m: nodes, ..plain() });
+        for (u, wanted) in [(0, 0.0), (95, 0.007), (47, 0.001 * 7.0 * 47.0 / 95.0)] {
+            let z = (0..64).map(|v| *taken.depth.at(u, v)).fold(0.0, f32::max);
+            assert!((z - 1.0 - wanted).abs() < 1e-5, "{u}: {z}");
+        }
+    }
+
+    #[test]
+    fn cameras_differ_and_are_drawn_again_from_the_same_seed() {
+        let drawn = |seed: u64| CameraVariation::drawn(&mut rng::stream(seed, "camera"));
+        assert_eq!(drawn(1), drawn(1));
+        assert_ne!(drawn(1), drawn(2));
+        let gains: Vec<f32> = (0..200).map(|seed| drawn(seed).gain[1].log2()).collect();
+        let mean = gains.iter().sum::<f32>() / 200.0;
+        let spread = (gains.iter().map(|g| (g - mean).powi(2)).sum::<f32>() / 200.0).sqrt();
+        // Of exposure and white balance together: sqrt(0.8^2 + (0.15 / ln 2)^2).
+        assert!(mean.abs() < 0.2 && (spread - 0.83).abs() < 0.12, "{mean} {spread}");
+    }
+}
