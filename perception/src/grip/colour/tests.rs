@@ -209,6 +209,67 @@ fn off(a: &Isometry3<f32>, b: &Isometry3<f32>) -> f32 {
     a.rotation.angle_to(&b.rotation).to_degrees()
 }
 
+/// How the print of the model at a pose agrees with the frame.
+fn agreement(model: &Model, frame: &CameraFrame, pose: &Isometry3<f32>) -> Agreement {
+    let observation = Observation::new(frame, &grip_settings().observation, None);
+    let picture = Picture::new(frame).unwrap();
+    let settings = ColourSettings::default();
+    let view = View::new(model.print().unwrap(), pose, &observation, &picture, &settings).unwrap();
+    view.agreement(pose).unwrap()
+}
+
+#[test]
+fn print_and_picture_agree_whatever_the_light() {
+    for (model, paint) in
+        [(box_model(two_coloured, 0.0), two_coloured as Paint), (can_model(striped), striped)]
+    {
+        let truth = standing(0.4);
+        let day = agreement(&model, &frame(&model, paint, &truth, DAY), &truth);
+        assert!(day.total > 0.6 && day.shift == [0, 0], "{day:?}");
+        for light in
+            [Light { brightness: 0.3, ..DAY }, Light { tint: [1.0, 0.7, 0.5], brightness: 0.6, ..DAY }]
+        {
+            let other = agreement(&model, &frame(&model, paint, &truth, light), &truth);
+            assert!((other.total - day.total).abs() < 0.15, "{day:?} {other:?}");
+        }
+        let wrong = agreement(&model, &frame(&model, paint, &truth, DAY), &(truth * half_turns()[2]));
+        assert!(wrong.total < day.total - 0.3, "{day:?} {wrong:?}");
+    }
+}
+
+#[test]
+fn colour_beside_depth_is_found_there() {
+    let model = box_model(two_coloured, 0.0);
+    let truth = standing(0.4);
+    let straight = frame(&model, two_coloured, &truth, DAY);
+    let mut beside = straight.clone();
+    for (u, v, pixel) in beside.rgb.enumerate_pixels_mut() {
+        let from = |at: u32, by: i32, size: u32| (at as i32 - by).clamp(0, size as i32 - 1) as u32;
+        let size = straight.rgb.dimensions();
+        *pixel = *straight.rgb.get_pixel(from(u, 4, size.0), from(v, -4, size.1));
+    }
+    let (straight, beside) = (agreement(&model, &straight, &truth), agreement(&model, &beside, &truth));
+    // The shift is a whole number of pixels of the level, and costs.
+    assert!(beside.shift[0] > 0 && beside.shift[1] < 0, "{beside:?}");
+    assert!(beside.total > straight.total - 0.25, "{straight:?} {beside:?}");
+}
+
+#[test]
+fn noise_agrees_with_nothing() {
+    for (model, paint) in
+        [(box_model(two_coloured, 0.0), two_coloured as Paint), (can_model(striped), striped)]
+    {
+        for seed in 0..10 {
+            let truth = standing(seed as f32);
+            let mut frame = frame(&model, paint, &truth, DAY);
+            let mut random = rng::stream(seed, "noise");
+            frame.rgb.iter_mut().for_each(|code| *code = random.random());
+            let found = agreement(&model, &frame, &truth).total;
+            assert!(found.abs() < ColourSettings::default().min_agreement, "{seed}: {found}");
+        }
+    }
+}
+
 #[test]
 fn a_box_turned_by_half_a_turn_is_put_right_in_any_light() {
     let model = box_model(two_coloured, 0.0);

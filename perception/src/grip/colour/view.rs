@@ -70,7 +70,8 @@ impl<'a> View<'a> {
         about: Option<[i32; 2]>,
     ) -> Option<Agreement> {
         let most = self.most_shift / stride.pixels() as f32;
-        let (about, reach) = about.map_or(([0, 0], most.ceil() as i32), |about| (about, 1));
+        let (about, reach) =
+            about.map_or(([0, 0], most.ceil() as i32), |about| (about, i32::from(most > 0.0)));
         let sheet = Sheet::draw(self.print, pose, self.observation.level(stride), every)?;
         Some(Prepared::new(sheet)?.agreement(self.picture.level(stride), about, reach, most))
     }
