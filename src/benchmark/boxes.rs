@@ -151,11 +151,13 @@ impl Boxes {
             Self::Truth | Self::Jittered => {
                 let mut random = rng::stream(seed, "boxes");
                 let size = [frame.intrinsics.width as f64, frame.intrinsics.height as f64];
+                let mut seen: Vec<[f64; 4]> = Vec::new();
                 for truth in &bop.ground_truths {
                     let Some(object) = objects.iter().find(|o| o.info.bop_id == truth.obj_id) else {
                         continue;
                     };
                     let Some(bbox) = true_box(truth, object, bop)? else { continue };
+                    seen.push(bbox);
                     if matches!(self, Self::Truth) {
                         add(object, bbox, 1.0)?;
                         continue;
@@ -166,18 +168,12 @@ impl Boxes {
                     }
                 }
                 // A detector takes other objects for one that is not there.
-                let mut others: Vec<[f64; 4]> = Vec::new();
-                for truth in &bop.ground_truths {
-                    if let Some(object) = objects.iter().find(|o| o.info.bop_id == truth.obj_id) {
-                        others.extend(true_box(truth, object, bop)?);
-                    }
-                }
                 let there = |object: &ObjectModel| {
                     bop.ground_truths.iter().any(|truth| truth.obj_id == object.info.bop_id)
                 };
                 for object in objects.iter().filter(|object| !there(object)) {
                     for _ in 0..=FALSE_BOXES {
-                        let Some(bbox) = others.get(random.random_range(0..others.len().max(1))) else {
+                        let Some(bbox) = seen.get(random.random_range(0..seen.len().max(1))) else {
                             break;
                         };
                         add(object, jittered(bbox, &size, &mut random), 1.0)?;

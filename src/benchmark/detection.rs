@@ -6,7 +6,7 @@
 use std::collections::BTreeMap;
 
 use anyhow::Result;
-use grip_sim::bop::{BopFrame, GroundTruth};
+use grip_sim::bop::BopFrame;
 use grip_sim::objects::ObjectModel;
 use schemars::JsonSchema;
 use serde::Serialize;
@@ -50,10 +50,9 @@ pub fn truth_boxes(frame: &BopFrame, object: &ObjectModel) -> Result<Vec<(Box2, 
     let asked = frame.ground_truths.iter().filter(|truth| truth.obj_id == object.info.bop_id);
     let boxes = asked.map(|truth| {
         let info = known_or_measured(truth, object, frame)?;
-        let seen = GroundTruth { info: Some(info), ..truth.clone() };
-        Ok((info.px_count_visib > 0).then(|| (within(info.bbox_obj.map(f64::from)), !seen.is_target())))
+        Ok((within(info.bbox_obj.map(f64::from)), !info.is_target()))
     });
-    boxes.filter_map(Result::transpose).collect()
+    boxes.collect()
 }
 
 /// Figures of some images.

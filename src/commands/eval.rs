@@ -173,7 +173,7 @@ fn kinds(evaluation: &Evaluation) -> String {
         (evaluation.objects.iter()).map(|(id, figures)| counts(&format!("object {id}"), figures)).chain([
             counts("all", &evaluation.all),
             cells("mean confidence", &mean),
-            cells("0.5 or more", &|kind| all[&kind].sure.to_string()),
+            cells("of these 0.5 or more", &|kind| all[&kind].sure.to_string()),
         ]);
     let header: Vec<String> = cells("", &|kind| kind.name().replace('_', " "));
     let right: Vec<usize> = (1..header.len()).collect();

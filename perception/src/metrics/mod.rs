@@ -16,7 +16,7 @@ pub use add::{Surface, add, adds};
 pub use kind::{ErrorKind, ErrorKinds};
 pub use recall::{AverageRecall, Hits, Measured, PairErrors, THRESHOLDS};
 pub use surface_distance::{SYMMETRY_STEP, SymmetricShape};
-pub use vsd::{DELTA_M, vsd};
+pub use vsd::vsd;
 
 /// At most `count` of `points`, evenly spaced in their order.
 pub fn sample_points(points: &[Point3<f32>], count: usize) -> Vec<Point3<f64>> {

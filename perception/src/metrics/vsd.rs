@@ -1,19 +1,17 @@
 //! VSD: the share of what is seen of an object that an estimate explains wrongly (Hodan et al., "BOP Challenge 2020 on 6D
 //! Object Localization", 2020, equation 2), with masks and cost as in the challenge since 2019.
 
+use grip_sim::bop::VISIBLE_M;
 use grip_sim::camera::Intrinsics;
 use grip_sim::images::DepthImage;
 use grip_sim::render::ObjectDepth;
-
-/// A surface counts as seen when it is no farther behind the measured one than this, metres.
-pub const DELTA_M: f64 = 0.015;
 
 /// Visible surface discrepancy, one for each misalignment tolerance (metres), each 0 to 1.
 ///
 /// `measured` is the camera's depth image, `truth` and `estimate` are the object alone, rendered at the two poses; all three
 /// of one camera, metres along its axis. What is compared are distances from the camera's centre.
 ///
-/// * A pixel shows the truth where it is rendered and at most [`DELTA_M`] behind what was measured. The same holds for the
+/// * A pixel shows the truth where it is rendered and at most [`VISIBLE_M`] behind what was measured. The same holds for the
 ///   estimate, which also shows wherever it covers a pixel that shows the truth.
 /// * Where nothing was measured (0, or no number) nothing hides either.
 /// * The cost of a pixel that shows one of the two is 1, of one that shows both 1 where they are apart by the tolerance or
@@ -43,7 +41,7 @@ pub fn vsd<const N: usize>(
             let distance = |depth: f32| f64::from(depth) * ray;
             let measured = measured.at(u, v);
             // Written so that NaN is a hole.
-            let hidden = |depth: f32| *measured > 0.0 && distance(depth) - distance(*measured) > DELTA_M;
+            let hidden = |depth: f32| *measured > 0.0 && distance(depth) - distance(*measured) > VISIBLE_M;
             let shows_truth = of_truth > 0.0 && !hidden(of_truth);
             let shows_estimate = of_estimate > 0.0 && (shows_truth || !hidden(of_estimate));
             either += usize::from(shows_truth || shows_estimate);

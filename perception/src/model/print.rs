@@ -1,6 +1,7 @@
 //! What is printed on an object: its surface as points with a look each.
 
 use grip_sim::mesh::{Mesh, Visual};
+use grip_sim::render::srgb::{from_linear, to_linear};
 use grip_sim::rng;
 use nalgebra::{Point3, Vector3};
 
@@ -70,7 +71,7 @@ impl Print {
                 let points = || cube.iter().map(|(_, point)| point);
                 let normal = points().map(|p| p.normal).sum::<Vector3<f32>>().try_normalize(0.0)?;
                 let position = points().map(|p| p.position).sum::<Vector3<f32>>() / n;
-                let mean = [0, 1, 2].map(|c| encoded(points().map(|p| p.look[c]).sum::<f32>() / n));
+                let mean = [0, 1, 2].map(|c| from_linear(points().map(|p| p.look[c]).sum::<f32>() / n));
                 Some(PrintedPoint { position, normal, look: look(mean) })
             })
             .collect();
@@ -105,10 +106,10 @@ fn colour(visual: &Visual, triangle: usize, at: &Point3<f64>) -> [f32; 3] {
         ((p - at).cross(&(q - at)).dot(&whole) / whole.norm_squared()) as f32
     };
     let weights = [share(&b, &c), share(&c, &a), share(&a, &b)];
-    let mut out = material.base_color.map(linear);
+    let mut out = material.base_color.map(to_linear);
     if !mesh.colors.is_empty() {
         for (channel, o) in out.iter_mut().enumerate() {
-            let of = |i: usize| linear(f32::from(mesh.colors[corners[i]][channel]) / 255.0);
+            let of = |i: usize| to_linear(f32::from(mesh.colors[corners[i]][channel]) / 255.0);
             *o *= weights[0] * of(0) + weights[1] * of(1) + weights[2] * of(2);
         }
     }
@@ -121,18 +122,8 @@ fn colour(visual: &Visual, triangle: usize, at: &Point3<f64>) -> [f32; 3] {
         };
         let pixel = texture.get_pixel(texel(0, texture.width()), texel(1, texture.height()));
         for (o, p) in out.iter_mut().zip(pixel.0) {
-            *o *= linear(f32::from(p) / 255.0);
+            *o *= to_linear(f32::from(p) / 255.0);
         }
     }
     out
-}
-
-/// The sRGB value of linear light, both 0 to 1.
-fn encoded(linear: f32) -> f32 {
-    if linear <= 0.003_130_8 { 12.92 * linear } else { 1.055 * linear.powf(1.0 / 2.4) - 0.055 }
-}
-
-/// Linear light of an sRGB value, both 0 to 1.
-fn linear(encoded: f32) -> f32 {
-    if encoded <= 0.04045 { encoded / 12.92 } else { ((encoded + 0.055) / 1.055).powf(2.4) }
 }

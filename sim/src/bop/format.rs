@@ -93,6 +93,16 @@ pub struct GtInfo {
     pub visib_fract: f64,
 }
 
+/// An instance is asked for when at least this share of its silhouette is visible, as in the challenge.
+pub const TARGET_VISIBLE: f64 = 0.1;
+
+impl GtInfo {
+    /// Whether enough is seen of the instance to ask for it.
+    pub fn is_target(&self) -> bool {
+        self.visib_fract >= TARGET_VISIBLE
+    }
+}
+
 /// One entry of `test_targets_bop19.json`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, JsonSchema)]
 pub struct Target {

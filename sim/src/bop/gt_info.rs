@@ -58,7 +58,7 @@ pub fn gt_info(
 }
 
 /// A surface counts as seen when it is no farther behind the measured one than this along its ray, metres: the toolkit's.
-const SEEN_M: f64 = 0.015;
+pub const VISIBLE_M: f64 = 0.015;
 
 /// The same of an object at a pose in a picture that others took: what is seen of it is found by comparing depths, as the toolkit
 /// does. Where nothing was measured nothing hides. Nothing is seen of what is behind the camera or far out of the image.
@@ -83,7 +83,8 @@ pub fn estimated_gt_info(
         let rendered = 1.0 / f64::from(*outline.inverse_depth.at(x as usize, y as usize));
         let measured = f64::from(*depth.at(u, v));
         let ray = intrinsics.back_project(u as f64, v as f64, 1.0).coords.norm();
-        *visible.at_mut(u, v) = measured <= 0.0 || (rendered - measured) * ray <= SEEN_M;
+        // Written so that NaN is a hole.
+        *visible.at_mut(u, v) = !(measured > 0.0 && (rendered - measured) * ray > VISIBLE_M);
     }
     gt_info(&outline.mask, outline.offset, &visible, depth)
 }

@@ -53,7 +53,7 @@ pub use format::{
     CameraFile, GtInfo, ModelInfo, ModelsFile, SceneCamera, SceneGt, SceneGtInfo, Symmetries, SymmetryAxis,
     Target, write_camera, write_targets,
 };
-pub use gt_info::{estimated_gt_info, gt_info};
+pub use gt_info::{VISIBLE_M, estimated_gt_info, gt_info};
 pub use models::{export_evaluation_models, export_models};
 pub use read::{BopFrame, BopView, Dataset, GroundTruth};
 pub use staging::write_atomic;

@@ -73,13 +73,10 @@ pub struct GroundTruth {
     pub info: Option<GtInfo>,
 }
 
-/// BOP asks for what is seen by at least this share of its silhouette.
-pub const TARGET_VISIBLE: f64 = 0.1;
-
 impl GroundTruth {
     /// Whether enough is seen of it to ask for it; where the data set does not tell, yes.
     pub fn is_target(&self) -> bool {
-        self.info.is_none_or(|info| info.visib_fract >= TARGET_VISIBLE)
+        self.info.is_none_or(|info| info.is_target())
     }
 }
 
@@ -150,7 +147,7 @@ impl Dataset {
     }
 
     /// The targets that an evaluation of everything asks for: from the truth, all instances that are seen by at least
-    /// [`TARGET_VISIBLE`], in order of scene, image and object.
+    /// [`TARGET_VISIBLE`](super::format::TARGET_VISIBLE), in order of scene, image and object.
     ///
     /// # Errors
     /// If the truth is missing or wrong.

@@ -11,7 +11,7 @@ mod occlusion;
 mod pyramid;
 mod shading;
 mod silhouette;
-pub(crate) mod srgb;
+pub mod srgb;
 mod surroundings;
 pub mod textures;
 pub mod wgpu;

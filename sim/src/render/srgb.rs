@@ -3,12 +3,12 @@
 use std::sync::LazyLock;
 
 /// Linear light, 0 to 1, of an encoded value 0 to 1.
-pub(crate) fn to_linear(encoded: f32) -> f32 {
+pub fn to_linear(encoded: f32) -> f32 {
     if encoded <= 0.04045 { encoded / 12.92 } else { ((encoded + 0.055) / 1.055).powf(2.4) }
 }
 
 /// Encoded value, 0 to 1, of linear light 0 to 1.
-pub(crate) fn from_linear(linear: f32) -> f32 {
+pub fn from_linear(linear: f32) -> f32 {
     if linear <= 0.003_130_8 { linear * 12.92 } else { 1.055 * linear.powf(1.0 / 2.4) - 0.055 }
 }
 

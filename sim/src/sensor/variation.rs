@@ -263,9 +263,15 @@ mod tests {
         let darker = taken(&CameraVariation { gain: [0.5; 3], ..plain() });
         // 200 is 0.578 of linear light; half of it is 146.
         assert!(darker.rgb.get_pixel(48, 32).0[0].abs_diff(146) <= 2, "{:?}", darker.rgb.get_pixel(48, 32));
+        let [x0, y0] = middle(&frame().rgb);
+        // Neither blur nor sharpening moves anything.
+        for (blur_px, sharpening) in [(0.4, 0.0), (0.9, 1.5), (1.5, 1.0)] {
+            let still = taken(&CameraVariation { blur_px, sharpening, ..plain() });
+            let [x, y] = middle(&still.rgb);
+            assert!((x - x0).abs() < 0.3 && (y - y0).abs() < 0.3, "{blur_px}: {x} {y}");
+        }
         let shifted = taken(&CameraVariation { shift_px: [4.0, -2.0], ..plain() });
         let [x, y] = middle(&shifted.rgb);
-        let [x0, y0] = middle(&frame().rgb);
         assert!((x - x0 - 4.0).abs() < 0.3 && (y - y0 + 2.0).abs() < 0.3, "{x} {y}");
     }
 

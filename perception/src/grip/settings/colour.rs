@@ -21,7 +21,8 @@ pub struct ColourSettings {
     pub depth_margin: f32,
     /// How well the print at a pose must agree with the picture, -1 to 1 (0.1: with noise it does nearly as well).
     pub min_agreement: f32,
-    /// Pixels below which nothing is decided, 10 or more (60); an object has 1000 to 5000 at the resolution at which it is compared.
+    /// Pixels below which nothing is decided, 10 or more (60); an object has 1000 to 4000 at the resolution at
+    /// which it is compared.
     pub min_pixels: usize,
     /// The print of an object and its shape, colour and depth image are so many pixels apart at most, 0 to 8 (6).
     pub most_shift_px: f32,
