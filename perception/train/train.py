@@ -29,22 +29,29 @@ BATCH = 32
 EPOCH = 4800
 # Seeds of the test sets, which nothing was chosen by.
 BUILT_IN_TEST, SCANNED_TEST = 911, 912
+# By what the network learns from: options of `grip scenes`, scenes seen from anywhere around and views of each, the same from
+# the robot's head. `base` is what the paper trains on: base light, spread objects. `varied` has other light, heaps, things
+# that are no objects, and another camera for each picture.
+LEARNT_FROM = {
+    "base": ([], 200, "B,B2=base,B3=base,B4=base", 300, "B"),
+    "varied": (["--profile", "hard"], 140, "B,D1,D2,O1,O2,O3", 50, "B,D1,D2,O1,O2,O3"),
+}
 # Every so many scenes, one is for the curve of unseen images.
 HELD_OUT = 20
 
 
-def make_scenes(out, scanned, share):
-    """Data sets in base light: from anywhere around and from the robot's head, of built-in objects and, with `scanned`, of scans.
-    Returns their folders."""
+def make_scenes(out, learnt_from, scanned, share):
+    """Data sets from anywhere around and from the robot's head, of built-in objects and, with `scanned`, of scans. Returns their
+    folders."""
     folders = []
     every = ",".join(name for name, _ in objects())
-    again = "B,B2=base,B3=base,B4=base"
+    options, around, views_around, head, views_head = LEARNT_FROM[learnt_from]
     for kind, seed, folder in (("builtin", 7001, None), ("scanned", 7002, scanned)):
         if kind == "scanned" and not scanned:
             continue
-        for camera, scenes, views, offset in (("sphere", 200, again, 0), ("head", 300, "B", 2)):
+        for camera, scenes, views, offset in (("sphere", around, views_around, 0), ("head", head, views_head, 2)):
             folders.append(out / f"{kind}-{camera}")
-            command = ["scenes", "--resume", "--split", "train", "--out", folders[-1], "--seed", seed + offset]
+            command = ["scenes", "--resume", "--split", "train", "--out", folders[-1], "--seed", seed + offset, *options]
             command += ["--scenes", max(2, int(scenes * share)), "--objects", every, "--views", views, "--camera", camera]
             card.run_grip(ROOT, command + (["--ycb", folder] if folder else []))
     return folders
@@ -156,6 +163,7 @@ def export(network, out, models):
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--out", type=Path, default=ROOT / "runs/training")
+    parser.add_argument("--learn-from", choices=LEARNT_FROM, default="varied", help="base: what the paper has; varied: what the world has")
     parser.add_argument("--ycb", default=os.environ.get("GRIP_YCB_DIR"), help="folder of scanned objects, to train on them too")
     parser.add_argument("--crops", type=int, default=96_000)
     parser.add_argument("--seed", type=int, default=1)
@@ -164,7 +172,7 @@ def main():
     arguments.ycb = arguments.ycb and str(Path(arguments.ycb).resolve())
     arguments.out = arguments.out.resolve()
     arguments.out.mkdir(parents=True, exist_ok=True)
-    folders = make_scenes(arguments.out / "scenes", arguments.ycb, arguments.scenes_share)
+    folders = make_scenes(arguments.out / "scenes", arguments.learn_from, arguments.ycb, arguments.scenes_share)
     network = train(folders, arguments.out, arguments.crops, arguments.seed)
     export(network, arguments.out, folders[0] / "models")
     model = arguments.out / "pyramid.onnx"

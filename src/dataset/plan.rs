@@ -132,6 +132,9 @@ pub struct Plan {
     #[serde(skip)]
     pub lens: Option<Lens>,
     depth_noise_name: String,
+    /// Whether each picture's depth is of another depth camera.
+    #[serde(skip)]
+    pub any_depth_camera: bool,
     #[serde(skip)]
     /// How pictures differ from the true ones.
     pub sensors: Sensors,
@@ -159,9 +162,11 @@ impl Plan {
                 view.name
             );
         }
-        let depth_noise_name =
-            options.depth_noise.clone().unwrap_or_else(|| setup.cell.scene.camera.depth_noise.clone());
-        let sensors = setup.settings.sensor.sensors(&depth_noise_name).context("--depth-noise")?;
+        let of_scene = &setup.cell.scene.camera.depth_noise;
+        let depth_noise = options.depth_noise.as_ref().unwrap_or(of_scene);
+        let sensors = setup.settings.sensor.sensors(depth_noise).context("--depth-noise")?;
+        let any_depth_camera = options.profile == Profile::Hard && options.depth_noise.is_none();
+        let depth_noise_name = if any_depth_camera { "any" } else { depth_noise }.to_owned();
         let distortion = distortion(&options.distortion, &setup.camera.intrinsics)?;
         let plain = |c: char| c.is_ascii_alphanumeric() || c == '-' || c == '_';
         ensure!(
@@ -185,6 +190,7 @@ impl Plan {
                 .context("--distortion")?,
             distortion,
             depth_noise_name,
+            any_depth_camera,
             sensors,
             object_set: setup.library.set().label().into(),
             renderer: device,

@@ -2,6 +2,7 @@
 
 use std::cell::RefCell;
 use std::collections::HashMap;
+use std::ops::RangeInclusive;
 use std::path::Path;
 use std::rc::Rc;
 use std::sync::Arc;
@@ -37,6 +38,9 @@ const LEAST_INSIDE: f64 = 0.6;
 /// scene that the camera cannot read. (The Carmine reads from 0.35 m on.)
 const LEAST_READ: f64 = 0.6;
 const NEAREST_M: f32 = 0.36;
+
+/// Among the objects of a hard scene there are so many that are in no table.
+const UNKNOWN: RangeInclusive<usize> = 1..=4;
 
 /// Where the time of a scene went.
 #[derive(Debug, Default, Clone, Copy)]
@@ -154,6 +158,12 @@ fn attempt(
     let mut scene = plan.scene.clone();
     scene.objects.names = models.iter().map(|model| model.info.name.clone()).collect();
     scene.objects.count = None;
+    let targets = models.len();
+    if plan.profile == Profile::Hard {
+        let mut random = rng::stream(seed, "unknown");
+        let count = random.random_range(UNKNOWN);
+        models.extend((1..=count).map(|i| Arc::new(render::unknown_object(i, &mut random))));
+    }
     let furniture = render::furniture(&scene.fixtures(), scene.surroundings, seed);
     let bounce = Bounce::of(&scene.table, furniture.table_albedo);
     let show = |world: &World| {
@@ -178,6 +188,7 @@ fn attempt(
         plan,
         scene: &scene,
         models: &models,
+        targets,
         seed,
         show: &show,
         rejected: Vec::new(),
@@ -202,7 +213,7 @@ fn attempt(
     let info = SceneFile {
         schema: SCENE_SCHEMA,
         seed,
-        objects: models.iter().map(|model| model.info.name.as_str()).collect(),
+        objects: models[..targets].iter().map(|model| model.info.name.as_str()).collect(),
         frames: (0..)
             .zip(plan.views.iter().zip(&conditions))
             .map(|(im_id, (view, condition))| FrameInfo {
@@ -224,7 +235,10 @@ struct Making<'a> {
     setup: &'a Setup,
     plan: &'a Plan,
     scene: &'a Scene,
+    /// The objects, then what is unknown among them.
     models: &'a [Arc<ObjectModel>],
+    /// How many objects.
+    targets: usize,
     seed: u64,
     /// All that is to be seen of a world.
     show: &'a dyn Fn(&World) -> RenderScene,
@@ -270,13 +284,14 @@ impl Making<'_> {
         let (world, dropped) = dropped?;
         self.rejected.extend(dropped.rejected.into_iter().map(|reason| format!("{name}: {reason}")));
         let mut outlines = outlines(&world.placed()).map_err(anyhow::Error::msg)?;
+        outlines.truncate(self.targets);
         if let Some(lens) = &self.plan.lens {
             outlines = outlines
                 .iter()
                 .map(|outline| distorted(lens, outline).map(Rc::new))
                 .collect::<Result<_>>()?;
         }
-        let camera_from_object = (0..models.len()).map(|i| camera_from_world * world.truth(i)).collect();
+        let camera_from_object = (0..self.targets).map(|i| camera_from_world * world.truth(i)).collect();
         Ok(Layout { scene: (self.show)(&world), world_from_camera, camera_from_object, outlines })
     }
 
@@ -312,13 +327,19 @@ impl Making<'_> {
     ) -> Result<()> {
         let rendering = self.draw(layout, condition, renderer)?;
         let began = Instant::now();
-        let Plan { intrinsics, sensors, .. } = self.plan;
+        let Plan { intrinsics, mut sensors, .. } = *self.plan;
+        let mut camera_random = rng::stream(self.seed, &format!("camera/{}", view.name));
+        let camera = (self.plan.profile == Profile::Hard).then(|| CameraVariation::drawn(&mut camera_random));
+        if let Some(camera) = &camera
+            && self.plan.any_depth_camera
+        {
+            sensors.depth = camera.depth_noise;
+        }
         let mut random = rng::stream(self.seed, &format!("sensor/{}", view.name));
-        let mut frame =
-            sensor::sense(&rendering, condition, intrinsics, &layout.world_from_camera, sensors, &mut random);
-        if self.plan.profile == Profile::Hard {
-            let mut random = rng::stream(self.seed, &format!("camera/{}", view.name));
-            frame = CameraVariation::drawn(&mut random).applied(&frame, &mut random)?;
+        let pose = &layout.world_from_camera;
+        let mut frame = sensor::sense(&rendering, condition, &intrinsics, pose, &sensors, &mut random);
+        if let Some(camera) = &camera {
+            frame = camera.applied(&frame, &mut camera_random)?;
         }
         self.timings.sensor += began.elapsed();
 
@@ -347,7 +368,7 @@ impl Making<'_> {
             rgb: &frame.rgb,
             depth: &frame.depth,
             depth_scale_mm: DEPTH_SCALE_MM,
-            intrinsics: *intrinsics,
+            intrinsics,
             world_from_camera: Some(layout.world_from_camera),
             objects: &objects,
         })?;

@@ -32,7 +32,7 @@ use crate::scene::Table;
 pub use self::object_depth::{ObjectDepth, object_depth};
 pub use self::shading::MAX_LIGHTS;
 pub use self::silhouette::{Silhouette, silhouette};
-pub use self::surroundings::{Furniture, furniture};
+pub use self::surroundings::{Furniture, furniture, unknown_object};
 
 /// Nothing nearer to the camera than this along its axis is drawn, metres: the camera looks out through its own housing.
 pub const NEAR: f64 = 0.02;

@@ -1,15 +1,17 @@
-//! Depth noise: the published models of structured-light cameras, and our composition for the PrimeSense Carmine 1.09 on
-//! the Fetch's head.
+//! Depth noise: the published models of structured-light cameras, our composition for the PrimeSense Carmine 1.09, and
+//! cameras as they are measured.
 //!
 //! Room light does not matter to any of them: the camera brings its own infrared pattern.
 
 mod carmine;
 mod handa;
+mod matched;
 
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 
 pub use self::carmine::{Carmine109, DepthRange};
+pub use self::matched::Matcher;
 use super::RowStreams;
 use super::normal::normal;
 use crate::camera::Intrinsics;
@@ -30,6 +32,8 @@ pub enum DepthNoise {
     Redwood,
     /// PrimeSense Carmine 1.09, our composition; see [`Carmine109`].
     Carmine109(Carmine109),
+    /// Windows matched, as measured on real cameras; see [`Matcher`].
+    Matched(Matcher),
 }
 
 impl Default for DepthNoise {
@@ -40,10 +44,20 @@ impl Default for DepthNoise {
 
 impl DepthNoise {
     /// The names that [`DepthNoise::from_name`] knows.
-    pub const NAMES: [&str; 6] = ["none", "nguyen", "handa", "redwood", "carmine-109", "carmine-109-near"];
+    pub const NAMES: [&str; 9] = [
+        "none",
+        "nguyen",
+        "handa",
+        "redwood",
+        "carmine-109",
+        "carmine-109-near",
+        "xtion",
+        "fetch-head",
+        "d435",
+    ];
 
-    /// The preset called `name`: `none`, `nguyen`, `handa`, `redwood`, `carmine-109` (0.35 to 4.5 m) or
-    /// `carmine-109-near` (0.35 to 1.4 m), the last two with the settings `carmine` but for its range.
+    /// The preset called `name`: `none`, `nguyen`, `handa`, `redwood`, `xtion`, `fetch-head`, `d435`, `carmine-109` (0.35 to
+    /// 4.5 m) or `carmine-109-near` (0.35 to 1.4 m), the last two with the settings `carmine` but for its range.
     ///
     /// # Errors
     /// For any other name, listing these.
@@ -55,6 +69,9 @@ impl DepthNoise {
             "redwood" => Self::Redwood,
             "carmine-109" => Self::Carmine109(Carmine109 { range: DepthRange::Wide, ..*carmine }),
             "carmine-109-near" => Self::Carmine109(Carmine109 { range: DepthRange::Near, ..*carmine }),
+            "xtion" => Self::Matched(Matcher::XTION),
+            "fetch-head" => Self::Matched(Matcher::FETCH_HEAD),
+            "d435" => Self::Matched(Matcher::D435),
             _ => {
                 return Err(Error::invalid(
                     "depth noise",
@@ -72,6 +89,7 @@ impl DepthNoise {
             Self::Handa => handa::handa(&rendering.depth, rng),
             Self::Redwood => redwood(&rendering.depth, rng),
             Self::Carmine109(settings) => settings.apply(rendering, intrinsics, rng),
+            Self::Matched(matcher) => matcher.apply(rendering, intrinsics, rng),
         }
     }
 }

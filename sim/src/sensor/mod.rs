@@ -4,6 +4,7 @@ pub mod color;
 pub mod depth;
 pub mod lens;
 mod normal;
+mod patches;
 pub mod variation;
 
 use rand::RngExt;

@@ -2,8 +2,8 @@
 //!
 //! For data sets on which estimators are to be told apart, and on which they are tuned for real pictures without looking at
 //! any. Ranges are of common RGB-D cameras and their drivers: automatic exposure and white balance that err, tone curves,
-//! sharpening, JPEG compression; colour that lies some pixels beside depth; depth that is off by millimetres, differently in
-//! different parts of the image, and missing at edges and in patches.
+//! sharpening, JPEG compression; colour that lies some pixels beside depth; one of several depth cameras, whose depth is off by
+//! millimetres, differently in different parts of the image.
 
 use image::codecs::jpeg::{JpegDecoder, JpegEncoder};
 use image::imageops;
@@ -12,6 +12,7 @@ use nalgebra::Vector2;
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
+use super::depth::{Carmine109, DepthNoise, Matcher};
 use super::normal::normal;
 use crate::frame::CameraFrame;
 use crate::images::{DepthImage, RgbImage};
@@ -38,14 +39,13 @@ const SHIFT_PX: [f32; 2] = [-4.0, 4.0];
 const BIAS_M: f32 = 0.002;
 const BIAS_NODES: [usize; 2] = [8, 6];
 const OFFSET_M: f32 = 0.0015;
-/// Depth jumps by more from one pixel to the next at an edge, metres; this share of the stretches along edges is missing, in
-/// pieces of so many pixels.
-const EDGE_M: f32 = 0.015;
-const EDGE_SHARE: f32 = 0.5;
-const EDGE_PIECE_PX: usize = 6;
-/// And this share of patches of so many pixels anywhere.
-const PATCH_SHARE: f32 = 0.014;
-const PATCH_PX: usize = 12;
+/// The depth cameras there are.
+const DEPTH_CAMERAS: [DepthNoise; 4] = [
+    DepthNoise::Matched(Matcher::XTION),
+    DepthNoise::Matched(Matcher::FETCH_HEAD),
+    DepthNoise::Matched(Matcher::D435),
+    DepthNoise::Carmine109(Carmine109::WIDE),
+];
 
 /// What is peculiar to the camera of one picture.
 #[derive(Debug, Clone, PartialEq)]
@@ -66,7 +66,9 @@ pub struct CameraVariation {
     pub jpeg_quality: u8,
     /// Of colour against depth, pixels to the right and down.
     pub shift_px: [f32; 2],
-    /// What is added to depth, metres: at nodes spread evenly over the picture, row by row.
+    /// How its depth is noisy.
+    pub depth_noise: DepthNoise,
+    /// What is added to depth beside that, metres: at nodes spread evenly over the picture, row by row.
     pub depth_bias_m: Vec<f32>,
 }
 
@@ -87,6 +89,7 @@ impl CameraVariation {
             noise: within(NOISE, rng),
             jpeg_quality: rng.random_range(JPEG_QUALITY[0]..=JPEG_QUALITY[1]),
             shift_px: [within(SHIFT_PX, rng), within(SHIFT_PX, rng)],
+            depth_noise: DEPTH_CAMERAS[rng.random_range(0..DEPTH_CAMERAS.len())],
             depth_bias_m: (0..nodes).map(|_| offset + BIAS_M * normal(rng)).collect(),
         }
     }
@@ -98,7 +101,7 @@ impl CameraVariation {
     pub fn applied(&self, frame: &CameraFrame, rng: &mut ChaCha8Rng) -> ImageResult<CameraFrame> {
         Ok(CameraFrame {
             rgb: self.colour(&frame.rgb, rng)?,
-            depth: self.depth(&frame.depth, rng),
+            depth: self.depth(&frame.depth),
             ..frame.clone()
         })
     }
@@ -130,22 +133,12 @@ impl CameraVariation {
         compressed(&shifted, self.jpeg_quality)
     }
 
-    fn depth(&self, depth: &DepthImage, rng: &mut ChaCha8Rng) -> DepthImage {
-        let (width, height) = (depth.width(), depth.height());
-        let missing_edges = Patches::new(width, height, EDGE_PIECE_PX, EDGE_SHARE, rng);
-        let missing = Patches::new(width, height, PATCH_PX, PATCH_SHARE, rng);
+    fn depth(&self, depth: &DepthImage) -> DepthImage {
+        let size = [depth.width(), depth.height()];
         let mut taken = depth.clone();
-        for v in 0..height {
-            for u in 0..width {
-                let z = *depth.at(u, v);
-                let step = |a: usize, b: usize| {
-                    let other = *depth.at(a.min(width - 1), b.min(height - 1));
-                    other > 0.0 && (other - z).abs() > EDGE_M
-                };
-                let edge = || step(u + 1, v) || step(u, v + 1) || step(u.wrapping_sub(1).min(u), v);
-                let lost = missing.covers(u, v) || (missing_edges.covers(u, v) && edge());
-                *taken.at_mut(u, v) =
-                    if z > 0.0 && !lost { z + self.bias(u, v, [width, height]) } else { 0.0 };
+        for (i, z) in taken.data_mut().iter_mut().enumerate() {
+            if *z > 0.0 {
+                *z += self.bias(i % size[0], i / size[0], size);
             }
         }
         taken
@@ -163,25 +156,6 @@ impl CameraVariation {
         let node = |x: usize, y: usize| self.depth_bias_m[y * BIAS_NODES[0] + x];
         let row = |y: usize| node(x, y) + p * (node(x + 1, y) - node(x, y));
         row(y) + q * (row(y + 1) - row(y))
-    }
-}
-
-/// Squares of a grid, some of which are chosen.
-struct Patches {
-    side: usize,
-    columns: usize,
-    chosen: Vec<bool>,
-}
-
-impl Patches {
-    fn new(width: usize, height: usize, side: usize, share: f32, rng: &mut ChaCha8Rng) -> Self {
-        let (columns, rows) = (width.div_ceil(side), height.div_ceil(side));
-        let chosen = (0..columns * rows).map(|_| rng.random::<f32>() < share).collect();
-        Self { side, columns, chosen }
-    }
-
-    fn covers(&self, u: usize, v: usize) -> bool {
-        self.chosen[v / self.side * self.columns + u / self.side]
     }
 }
 
@@ -216,6 +190,7 @@ mod tests {
             noise: 0.0,
             jpeg_quality: 100,
             shift_px: [0.0; 2],
+            depth_noise: DepthNoise::None,
             depth_bias_m: vec![0.0; BIAS_NODES[0] * BIAS_NODES[1]],
         }
     }
@@ -253,9 +228,7 @@ mod tests {
         // JPEG keeps colour at half resolution, which shows along edges.
         let same = off().filter(|off| *off <= 3).count() as f64 / off().count() as f64;
         assert!(mean < 2.0 && same > 0.9, "{mean} {same}");
-        let kept = taken.depth.data().iter().filter(|z| **z == 1.0).count();
-        let missing = 1.0 - kept as f32 / (96.0 * 64.0);
-        assert!(missing < 0.06 && taken.depth.data().iter().all(|z| [0.0, 1.0].contains(z)), "{missing}");
+        assert_eq!(taken.depth, given.depth);
     }
 
     #[test]

@@ -33,6 +33,15 @@ impl Look {
         Self { material: Material { base_color, roughness, metallic: 0.0, texture: None }, metres: 1.0 }
     }
 
+    /// Metres that one repeat of the texture covers.
+    pub fn metres(&self) -> f64 {
+        self.metres
+    }
+
+    pub fn material(&self) -> &Material {
+        &self.material
+    }
+
     /// A box of this look.
     pub fn cuboid(&self, half: Vector3<f64>) -> Arc<Visual> {
         Arc::new(Visual { mesh: Arc::new(cuboid(half, self.metres)), material: self.material.clone() })

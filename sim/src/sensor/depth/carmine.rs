@@ -66,15 +66,20 @@ pub struct Carmine109 {
     pub grazing_exponent: i32,
 }
 
+impl Carmine109 {
+    /// The default: in wide mode.
+    pub const WIDE: Self = Self {
+        range: DepthRange::Wide,
+        lateral_px: 0.5,
+        bias_px: 0.06,
+        projector_x: 0.075,
+        grazing_exponent: 8,
+    };
+}
+
 impl Default for Carmine109 {
     fn default() -> Self {
-        Self {
-            range: DepthRange::Wide,
-            lateral_px: 0.5,
-            bias_px: 0.06,
-            projector_x: 0.075,
-            grazing_exponent: 8,
-        }
+        Self::WIDE
     }
 }
 
@@ -145,7 +150,7 @@ impl Carmine109 {
 
 /// Which pixels of a row of perfect depth the projector lights. `shift` is focal length times the projector's x: a point at
 /// depth `z` in column `u` lies in column `u - shift / z` of the projector.
-fn projector_light(row: &[f32], shift: f32) -> Vec<bool> {
+pub(super) fn projector_light(row: &[f32], shift: f32) -> Vec<bool> {
     /// Surfaces nearer than this are beyond the sensor's reach anyway, metres.
     const NEAREST: f32 = 0.2;
     /// Neighbouring pixels whose depths differ by less than this share belong to one surface.
@@ -192,20 +197,20 @@ fn projector_light(row: &[f32], shift: f32) -> Vec<bool> {
 }
 
 /// A smooth random field of unit variance everywhere, times a scale.
-struct BiasField {
+pub(super) struct BiasField {
     nodes: Vec<f32>,
     columns: usize,
     scale: f32,
 }
 
 impl BiasField {
-    fn new(width: usize, height: usize, scale: f32, rng: &mut ChaCha8Rng) -> Self {
+    pub fn new(width: usize, height: usize, scale: f32, rng: &mut ChaCha8Rng) -> Self {
         let columns = width / BIAS_SPACING + 2;
         let rows = height / BIAS_SPACING + 2;
         Self { nodes: (0..columns * rows).map(|_| normal(rng)).collect(), columns, scale }
     }
 
-    fn at(&self, u: usize, v: usize) -> f32 {
+    pub fn at(&self, u: usize, v: usize) -> f32 {
         let (x, y) = (u / BIAS_SPACING, v / BIAS_SPACING);
         let part = |at: usize| {
             let t = (at % BIAS_SPACING) as f32 / BIAS_SPACING as f32;
