@@ -3,6 +3,9 @@
 use std::collections::BTreeMap;
 
 use grip_sim::pose::{Camera, Object, Pose};
+use nalgebra::{Isometry3, Matrix6, UnitQuaternion, Vector6};
+use rand::Rng;
+use rand_distr::{Distribution, Gamma, StandardNormal};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -10,18 +13,81 @@ use serde::{Deserialize, Serialize};
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Mode {
-    /// The best pose there.
+    /// The best pose there, about which it may be off by `covariance`.
     pub pose: Pose<Camera, Object>,
-    /// The mean of the poses there, each taken in that of its equal orientations which is nearest to `pose`.
-    pub mean: Pose<Camera, Object>,
     /// Sum of the weights there; over all modes 1.
     pub mass: f64,
     /// Score of `pose`.
     pub score: f64,
-    /// Root mean square distance of the origins there from their mean, metres.
+    /// Covariance of position (metres) and of the rotation vector about the object's origin (radians), both along the camera's
+    /// optical axes: a pose of this mode has its origin at that of `pose` plus the first three, and the orientation of `pose`
+    /// turned by the last three.
+    pub covariance: [[f64; 6]; 6],
+    /// The distribution is Student's t of so many degrees of freedom, more than 2; normal where there are none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub degrees_of_freedom: Option<f64>,
+    /// Square root of the trace of its first half: root mean square distance of the origins there, metres.
     pub position_std_m: f64,
-    /// Spread of orientation there, radians, as [`PosePosterior::rotation_std_rad`].
+    /// Square root of the trace of its second half, radians.
     pub rotation_std_rad: f64,
+    /// Root mean square of the depth image's errors there that do not average out within 16 pixels, metres. None where too little
+    /// is seen of the object, and of the paper's filter.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub noise_m: Option<f64>,
+}
+
+impl Mode {
+    /// A mode of this mass and score.
+    pub(crate) fn new(pose: Pose<Camera, Object>, mass: f64, score: f64, covariance: &Matrix6<f64>) -> Self {
+        let spread = |first: usize| (first..first + 3).map(|i| covariance[(i, i)]).sum::<f64>().sqrt();
+        Self {
+            pose,
+            mass,
+            score,
+            covariance: std::array::from_fn(|i| std::array::from_fn(|j| covariance[(i, j)])),
+            position_std_m: spread(0),
+            rotation_std_rad: spread(3),
+            degrees_of_freedom: None,
+            noise_m: None,
+        }
+    }
+
+    /// A displacement by chance; `root` is what [`Mode::root`] gives.
+    pub(crate) fn drawn(&self, root: &Matrix6<f64>, rng: &mut impl Rng) -> Vector6<f64> {
+        let by = root * Vector6::from_fn(|_, _| StandardNormal.sample(rng));
+        // A t distribution is a normal one of a scale by chance: inverse gamma, here with mean 1.
+        let dof = self.degrees_of_freedom.filter(|dof| *dof > 2.0);
+        let scale = dof.and_then(|dof| {
+            let gamma: f64 = Gamma::new(dof / 2.0, 1.0).ok()?.sample(rng);
+            Some(((dof - 2.0) / (2.0 * gamma)).sqrt())
+        });
+        by * scale.unwrap_or(1.0)
+    }
+
+    /// The covariance's Cholesky factor; zero where it has none.
+    pub(crate) fn root(&self) -> Matrix6<f64> {
+        self.covariance().cholesky().map_or_else(Matrix6::zeros, |c| c.l())
+    }
+
+    /// [`Mode::covariance`] as a matrix.
+    pub fn covariance(&self) -> Matrix6<f64> {
+        Matrix6::from_fn(|i, j| self.covariance[i][j])
+    }
+
+    /// The pose that is off by this, position and rotation vector.
+    pub fn displaced(&self, by: &Vector6<f64>) -> Pose<Camera, Object> {
+        let turn = UnitQuaternion::from_scaled_axis(by.fixed_rows::<3>(3).into_owned());
+        let position = self.pose.iso().translation.vector + by.fixed_rows::<3>(0);
+        Pose::new(Isometry3::from_parts(position.into(), turn * self.pose.iso().rotation))
+    }
+
+    /// How far `pose` is off from that of the mode, position and rotation vector: what [`Mode::displaced`] undoes.
+    pub fn displacement(&self, pose: &Pose<Camera, Object>) -> Vector6<f64> {
+        let (own, other) = (self.pose.iso(), pose.iso());
+        let shift = other.translation.vector - own.translation.vector;
+        let turn = (other.rotation * own.rotation.inverse()).scaled_axis();
+        Vector6::new(shift.x, shift.y, shift.z, turn.x, turn.y, turn.z)
+    }
 }
 
 /// The belief about one object's pose.
@@ -32,10 +98,12 @@ pub struct PosePosterior {
     pub object: String,
     /// The pose that explains the frame best.
     pub best: Pose<Camera, Object>,
-    /// Weighted hypotheses, best first; weights sum to 1.
+    /// Weighted poses that stand for the belief, `best` first; weights sum to 1. Drawn from `modes`, each a normal distribution
+    /// (the paper's filter: its samples).
     pub particles: Vec<(Pose<Camera, Object>, f64)>,
-    /// Places where the object may be, that of `best` first, then by falling mass. Orientations that depth cannot tell apart
-    /// (turns that keep the convex hull) are one place.
+    /// Places where the object may be, that of `best` first, then by falling mass. Turns about the axis of a body of revolution are
+    /// one place (the paper's filter: all turns that keep the convex hull). As far as `best` is not believed there is a wide one
+    /// about it.
     pub modes: Vec<Mode>,
     /// Entropy of the modes' masses, nats: 0 for a single place.
     pub entropy: f64,
@@ -49,14 +117,12 @@ pub struct PosePosterior {
     /// What each term of the score gives to that of `best`, by the term's name; they sum to the score.
     #[serde(default)]
     pub terms: BTreeMap<String, f64>,
-    /// Root mean square distance of the particles' origins from their mean, metres. Infinite, and `null` in JSON, where
-    /// nothing was found.
+    /// That of the first of `modes`, metres. Infinite, and `null` in JSON, where nothing was found.
     #[serde(with = "or_infinite")]
     #[schemars(with = "Option<f64>")]
     pub position_std_m: f64,
-    /// Spread of orientation, radians: root mean square change of the convex hull's support function, relative to the
-    /// object's radius. Turning a can about its axis changes nothing that depth can see, and counts as no spread. Infinite,
-    /// and `null` in JSON, where nothing was found.
+    /// That of the first of `modes`, radians; turns about the axis of a body of revolution, which nothing shows, are in it.
+    /// Infinite, and `null` in JSON, where nothing was found.
     #[serde(with = "or_infinite")]
     #[schemars(with = "Option<f64>")]
     pub rotation_std_rad: f64,
@@ -67,8 +133,7 @@ pub struct PosePosterior {
     /// Wall time, seconds. With those of the trace the only thing that differs between equal calls.
     pub seconds: f64,
     /// What colour said where depth could not decide. None where it was not asked (see
-    /// [`crate::ColourSettings`]) or had nothing to go by. A pose that colour chose is `best` and the first
-    /// particle; weights are those of depth alone.
+    /// [`crate::ColourSettings`]) or had nothing to go by.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub colour: Option<ColourVerdict>,
     /// The answer after each iteration, and at last the whole one; where the settings ask for a trace, else empty.
@@ -79,14 +144,7 @@ pub struct PosePosterior {
 impl PosePosterior {
     /// The belief of who knows: one pose, no doubt.
     pub fn certain(object: &str, best: Pose<Camera, Object>) -> Self {
-        let mode = Mode {
-            pose: best,
-            mean: best,
-            mass: 1.0,
-            score: 1.0,
-            position_std_m: 0.0,
-            rotation_std_rad: 0.0,
-        };
+        let mode = Mode::new(best, 1.0, 1.0, &Matrix6::zeros());
         Self {
             object: object.to_string(),
             best,

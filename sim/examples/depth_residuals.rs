@@ -217,6 +217,7 @@ fn median(values: impl Iterator<Item = f64>) -> f64 {
     values.get(values.len() / 2).copied().unwrap_or(f64::NAN)
 }
 
+#[expect(clippy::print_stdout, reason = "what it measures is what one runs this for")]
 fn print(
     measured: &mut [Measured],
     by_cosine: &[[u64; 2]],

@@ -9,7 +9,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Instant;
 
 use anyhow::{Context, Result};
-use grip_perception::PoseEstimator;
+use grip_perception::{Mode, PoseEstimator};
 use grip_sim::bop::results::{Estimate, HEADER, read_results};
 use grip_sim::bop::{self, BopFrame, Dataset, Target};
 use grip_sim::frame::CameraFrame;
@@ -20,6 +20,8 @@ use rand::RngExt;
 use rand::seq::SliceRandom;
 use rayon::ThreadPoolBuilder;
 use rayon::prelude::*;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
 
 use super::boxes::Boxes;
 use super::objects;
@@ -40,6 +42,8 @@ pub struct Run<'a> {
     pub seed: u64,
     /// All that the estimates depend on, in a line: runs that differ in it are not mixed.
     pub settings: String,
+    /// Where the posteriors go, too: JSON, a line an estimate, in the order of the results ([`PosteriorLine`]).
+    pub posteriors: Option<&'a Path>,
     /// Threads. Images are shared among them; each of them times its own, and does nothing else meanwhile.
     pub jobs: usize,
 }
@@ -59,8 +63,33 @@ pub struct Estimated {
 
 /// The objects that are asked for in one image, with their numbers of instances.
 type Wanted = BTreeMap<u32, u32>;
-/// Lines of the results file, by scene and image.
-type Done = BTreeMap<(u32, u32), Vec<String>>;
+/// What is done, by scene and image.
+type Done = BTreeMap<(u32, u32), Lines>;
+
+/// Of one image.
+#[derive(Debug, Clone, Default)]
+struct Lines {
+    /// Of the results file.
+    results: Vec<String>,
+    /// Of the file of posteriors; none where it is not asked for.
+    posteriors: Vec<String>,
+}
+
+/// One line of a file of posteriors.
+#[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct PosteriorLine {
+    /// Number of the scene.
+    pub scene_id: u32,
+    /// Number of the image in it.
+    pub im_id: u32,
+    /// The object's number.
+    pub obj_id: u32,
+    /// That the object is there and its best pose is right.
+    pub confidence: f64,
+    /// Where it may be, each place a normal distribution; camera from object, metres.
+    pub modes: Vec<Mode>,
+}
 
 impl Run<'_> {
     /// Estimates all images and writes `out`, sorted by scene, image and object. Images go first to a file beside it, which
@@ -86,7 +115,11 @@ impl Run<'_> {
         progress.begin(wanted.len() as u64, (wanted.len() - missing.len()) as u64);
         let mut summary = Estimated { images: missing.len(), kept: done.len(), ..Estimated::default() };
 
-        let shared = Mutex::new((self.begin(&partial, &done)?, &mut done, &mut summary));
+        let mut files = vec![self.begin(&partial, &done, |lines| &lines.results)?];
+        if let Some(posteriors) = self.posteriors {
+            files.push(self.begin(&partial_path(posteriors)?, &done, |lines| &lines.posteriors)?);
+        }
+        let shared = Mutex::new((files, &mut done, &mut summary));
         let next = AtomicUsize::new(0);
         let threads = self.jobs.clamp(1, missing.len().max(1));
         workers::run(threads, |stop| {
@@ -94,21 +127,27 @@ impl Run<'_> {
             let pool = ThreadPoolBuilder::new().num_threads(self.jobs.div_ceil(threads)).build()?;
             while !stop.load(Ordering::Relaxed) {
                 let Some(&(image, wanted)) = missing.get(next.fetch_add(1, Ordering::Relaxed)) else { break };
-                let estimates = pool
+                let lines = pool
                     .install(|| self.image(image, wanted, &models))
                     .with_context(|| format!("scene {}, image {}", image.0, image.1))?;
-                let lines: Vec<String> = estimates.iter().map(Estimate::line).collect();
+                let (lines, seconds) = lines;
                 let mut shared = shared.lock().unwrap_or_else(PoisonError::into_inner);
-                let (file, done, summary) = &mut *shared;
-                file.write_all(lines.concat().as_bytes()).with_context(|| cannot_write(&partial))?;
-                summary.seconds += estimates.first().and_then(|e| e.time_s).unwrap_or(0.0);
+                let (files, done, summary) = &mut *shared;
+                for (file, lines) in files.iter_mut().zip([&lines.results, &lines.posteriors]) {
+                    file.write_all(lines.concat().as_bytes()).with_context(|| cannot_write(&partial))?;
+                }
+                summary.seconds += seconds;
                 done.insert(image, lines);
                 progress.advance(1);
             }
             Ok(())
         })?;
-        summary.poses = done.values().map(Vec::len).sum();
-        let text = format!("{HEADER}\n") + &done.values().flatten().cloned().collect::<String>();
+        summary.poses = done.values().map(|lines| lines.results.len()).sum();
+        let text = format!("{HEADER}\n") + &joined(&done, |lines| &lines.results);
+        if let Some(posteriors) = self.posteriors {
+            bop::write_atomic(posteriors, joined(&done, |lines| &lines.posteriors).as_bytes())?;
+            let _ = std::fs::remove_file(partial_path(posteriors)?);
+        }
         bop::write_atomic(out, text.as_bytes())?;
         // The results are there; what is left behind does no harm.
         let _ = std::fs::remove_file(&partial);
@@ -139,7 +178,7 @@ impl Run<'_> {
         (scene_id, im_id): (u32, u32),
         wanted: &Wanted,
         models: &HashMap<u32, Arc<ObjectModel>>,
-    ) -> Result<Vec<Estimate>> {
+    ) -> Result<(Lines, f64)> {
         let bop = self.dataset.frame(scene_id, im_id)?;
         let frame = camera_frame(&bop);
         let objects: Vec<Arc<ObjectModel>> = wanted
@@ -150,25 +189,56 @@ impl Run<'_> {
         let began = Instant::now();
         let detections = self.boxes.of(&bop, &frame, &objects, seed)?;
         let beliefs = self.estimator.estimate(&frame, &detections, &objects, seed)?;
-        let time_s = Some(began.elapsed().as_secs_f64());
-        Ok(objects
-            .iter()
-            .zip(beliefs)
-            .map(|(object, belief)| Estimate {
+        let seconds = began.elapsed().as_secs_f64();
+        let mut lines = Lines::default();
+        for (object, belief) in objects.iter().zip(beliefs) {
+            let obj_id = object.info.bop_id;
+            let estimate = Estimate {
                 scene_id,
                 im_id,
-                obj_id: object.info.bop_id,
+                obj_id,
                 score: belief.confidence,
                 camera_from_object: belief.best,
-                time_s,
-            })
-            .collect())
+                time_s: Some(seconds),
+            };
+            lines.results.push(estimate.line());
+            if self.posteriors.is_some() {
+                let (confidence, modes) = (belief.confidence, belief.modes);
+                let line = PosteriorLine { scene_id, im_id, obj_id, confidence, modes };
+                lines.posteriors.push(serde_json::to_string(&line)? + "\n");
+            }
+        }
+        Ok((lines, seconds))
     }
 
     /// The images that an interrupted run finished.
     fn resumed(&self, partial: &Path, wanted: &BTreeMap<(u32, u32), Wanted>) -> Result<Done> {
-        let Ok(text) = std::fs::read_to_string(partial) else { return Ok(Done::new()) };
-        // The last line may have been cut off.
+        let Some(whole) = self.whole_lines(partial)? else { return Ok(Done::new()) };
+        let mut done = Done::new();
+        // Lines are kept as they are: through numbers and back they would change in their last digits.
+        for (estimate, line) in read_results(partial)?.iter().zip(whole.lines().skip(1)) {
+            done.entry((estimate.scene_id, estimate.im_id)).or_default().results.push(format!("{line}\n"));
+        }
+        if let Some(posteriors) = self.posteriors {
+            let whole = self.whole_lines(&partial_path(posteriors)?)?.unwrap_or_default();
+            for line in whole.lines().skip(1) {
+                let read: PosteriorLine = serde_json::from_str(line)
+                    .with_context(|| format!("{}: is damaged; remove it", posteriors.display()))?;
+                done.entry((read.scene_id, read.im_id)).or_default().posteriors.push(format!("{line}\n"));
+            }
+        }
+        // An image counts when all of its lines are there.
+        done.retain(|image, lines| {
+            let asked = wanted.get(image).map(|w| w.values().sum::<u32>() as usize);
+            let told = if self.posteriors.is_some() { lines.posteriors.len() } else { lines.results.len() };
+            asked == Some(lines.results.len()) && asked == Some(told)
+        });
+        Ok(done)
+    }
+
+    /// What an interrupted run left in a file, but for a last line that was cut off; `None` where there is no such file.
+    fn whole_lines(&self, partial: &Path) -> Result<Option<String>> {
+        let Ok(text) = std::fs::read_to_string(partial) else { return Ok(None) };
         let whole = text.rfind('\n').map_or("", |end| &text[..=end]);
         let settings = whole.lines().next().unwrap_or_default().trim_start_matches("# ");
         anyhow::ensure!(
@@ -178,24 +248,20 @@ impl Run<'_> {
             self.settings
         );
         std::fs::write(partial, whole).with_context(|| cannot_write(partial))?;
-        let mut done = Done::new();
-        // Lines are kept as they are: through numbers and back they would change in their last digits.
-        for (estimate, line) in read_results(partial)?.iter().zip(whole.lines().skip(1)) {
-            done.entry((estimate.scene_id, estimate.im_id)).or_default().push(format!("{line}\n"));
-        }
-        // An image counts when all of its lines are there.
-        done.retain(|image, lines| {
-            wanted.get(image).is_some_and(|w| w.values().sum::<u32>() as usize == lines.len())
-        });
-        Ok(done)
+        Ok(Some(whole.to_owned()))
     }
 
-    /// The file of finished images, with those that are done.
-    fn begin(&self, partial: &Path, done: &Done) -> Result<File> {
-        let text = format!("# {}\n", self.settings) + &done.values().flatten().cloned().collect::<String>();
+    /// A file of finished images, with those that are done.
+    fn begin(&self, partial: &Path, done: &Done, of: fn(&Lines) -> &Vec<String>) -> Result<File> {
+        let text = format!("# {}\n", self.settings) + &joined(done, of);
         std::fs::write(partial, text).with_context(|| cannot_write(partial))?;
         OpenOptions::new().append(true).open(partial).with_context(|| cannot_write(partial))
     }
+}
+
+/// The lines of one file, in order.
+fn joined(done: &Done, of: fn(&Lines) -> &Vec<String>) -> String {
+    done.values().flat_map(of).map(String::as_str).collect()
 }
 
 /// What an estimator gets to see of an image.

@@ -201,6 +201,9 @@ pub struct EstimateArgs {
     /// Where the results go: a CSV file as the BOP challenge has it; an older one is replaced.
     #[arg(long, value_name = "FILE", default_value = "results.csv")]
     pub out: PathBuf,
+    /// Also write where each object may be and how far off, as JSON, a line an estimate; for grip eval --posteriors.
+    #[arg(long, value_name = "FILE")]
+    pub posteriors: Option<PathBuf>,
     /// Go on with a run that was stopped.
     #[arg(long)]
     pub resume: bool,
@@ -254,6 +257,10 @@ pub struct EvalArgs {
     /// Also write the errors of every instance to this CSV file; for one results file.
     #[arg(long, value_name = "FILE")]
     pub errors: Option<PathBuf>,
+    /// Also tell whether these posteriors (of grip estimate --posteriors) hold the truth as often as they say; for one results
+    /// file.
+    #[arg(long, value_name = "FILE")]
+    pub posteriors: Option<PathBuf>,
     /// Also draw the share of instances under a threshold against the threshold, 0 to 4 cm, a curve a results file; SVG.
     #[arg(long, value_name = "FILE")]
     pub figure: Option<PathBuf>,

@@ -93,6 +93,7 @@ pub fn run(args: &EstimateArgs) -> Result<Done> {
         absent: args.absent as usize,
         seed: args.seed,
         settings: serde_json::to_value(&described)?.to_string(),
+        posteriors: args.posteriors.as_deref(),
         jobs: args.jobs.map_or_else(workers::cores, |jobs| jobs as usize),
     };
     let progress = Bar::new("images");

@@ -14,8 +14,8 @@ use super::Done;
 use super::output;
 use crate::cli::EvalArgs;
 use grip::benchmark::{
-    Area, Case, Evaluation, Figures, Lacking, METHODS, PaperTable, Presence, Recall, accuracy_figure,
-    evaluate,
+    Area, Case, Credibilities, Credibility, Evaluation, Figures, Lacking, METHODS, PaperTable, Presence,
+    Recall, accuracy_figure, credibility, evaluate,
 };
 use grip::plot;
 
@@ -36,6 +36,9 @@ pub struct EvalReport<'a> {
     /// With `--paper`.
     #[serde(skip_serializing_if = "Option::is_none")]
     paper: Option<&'a PaperTable>,
+    /// With `--posteriors`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    credibility: Option<&'a Credibilities>,
 }
 
 /// Prints the figures.
@@ -45,6 +48,11 @@ pub fn run(args: &EvalArgs) -> Result<Done> {
         !(many && args.errors.is_some()),
         "--errors {}: is for one results file; run grip eval for each",
         args.errors.as_deref().unwrap_or(Path::new("")).display()
+    );
+    anyhow::ensure!(
+        !(many && args.posteriors.is_some()),
+        "--posteriors {}: is for one results file; run grip eval for each",
+        args.posteriors.as_deref().unwrap_or(Path::new("")).display()
     );
     if let Some(path) = &args.figure {
         plot::check_place(path)?;
@@ -57,6 +65,7 @@ pub fn run(args: &EvalArgs) -> Result<Done> {
     for results in &args.results {
         let evaluation = evaluate(&dataset, &read_results(results)?)?;
         let paper = if args.paper { Some(PaperTable::new(&evaluation, dataset.root())?) } else { None };
+        let credibility = args.posteriors.as_deref().map(|path| credibility(&dataset, path)).transpose()?;
         if let Some(path) = &args.errors {
             let mut text = format!("{}\n", Case::HEADER);
             text.extend(evaluation.cases.iter().map(Case::line));
@@ -73,12 +82,24 @@ pub fn run(args: &EvalArgs) -> Result<Done> {
             output::message(format_args!("{text}"));
         }
         if args.json {
-            summaries.push(summary(args, &dataset, results, &evaluation, paper.as_ref())?);
+            summaries.push(serde_json::to_value(EvalReport {
+                schema: SCHEMA,
+                dataset: &args.dataset,
+                split: dataset.split(),
+                results,
+                thresholds_m: grip::benchmark::THRESHOLDS,
+                evaluation: &evaluation,
+                paper: paper.as_ref(),
+                credibility: credibility.as_ref(),
+            })?);
         } else {
             if many {
                 output::data(format_args!("{}", results.display()))?;
             }
             print(&evaluation, paper.as_ref())?;
+            if let Some(credibility) = &credibility {
+                print_credibility(credibility)?;
+            }
         }
         evaluations.push(evaluation);
     }
@@ -107,24 +128,6 @@ fn names(args: &EvalArgs) -> Vec<String> {
         if alone { stem.clone() } else { path.display().to_string() }
     };
     args.results.iter().zip(&stems).map(whole).collect()
-}
-
-fn summary(
-    args: &EvalArgs,
-    dataset: &Dataset,
-    results: &Path,
-    evaluation: &Evaluation,
-    paper: Option<&PaperTable>,
-) -> Result<Value> {
-    Ok(serde_json::to_value(EvalReport {
-        schema: SCHEMA,
-        dataset: &args.dataset,
-        split: dataset.split(),
-        results,
-        thresholds_m: grip::benchmark::THRESHOLDS,
-        evaluation,
-        paper,
-    })?)
 }
 
 fn print(evaluation: &Evaluation, paper: Option<&PaperTable>) -> Result<()> {
@@ -225,6 +228,34 @@ fn confidences(p: &Presence) -> String {
         );
     }
     text
+}
+
+/// Where the truth lies in the posteriors.
+fn print_credibility(found: &Credibilities) -> Result<()> {
+    let header = [
+        "posteriors",
+        "cases",
+        "within 50 %",
+        "within 90 %",
+        "ranks by tenths",
+        "best mode's mass",
+        "std mm",
+    ];
+    let row = |name: &str, c: &Credibility| {
+        let ranks: Vec<String> = c.ranks.iter().map(|share| format!("{:.0}", 100.0 * share)).collect();
+        [
+            name.to_owned(),
+            c.cases.to_string(),
+            percent(c.within[0]),
+            percent(c.within[1]),
+            ranks.join(" "),
+            percent(c.best_mass),
+            format!("{:.1}", 1e3 * c.median_position_std_m),
+        ]
+    };
+    let views = found.conditions.iter().map(|(name, c)| row(&format!("view {name}"), c));
+    let rows = views.chain([row("all", &found.all)]);
+    output::data(format_args!("\n{}", output::table(header, &[1, 2, 3, 5, 6], rows)))
 }
 
 fn row(name: &str, f: &Figures) -> [String; 12] {

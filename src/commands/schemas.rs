@@ -1,6 +1,6 @@
 //! JSON Schemas of the files that are read and written, from the types that read and write them.
 
-use grip::benchmark::FileBox;
+use grip::benchmark::{FileBox, PosteriorLine};
 use grip::dataset;
 use grip::experiment::plan::{self, ExperimentFile};
 use grip::experiment::sweep::{self, GraspLine, SweepFile};
@@ -56,6 +56,7 @@ pub fn all() -> Vec<(&'static str, Value)> {
         ("bop-targets", read::<Vec<bop::Target>>(None)),
         ("coco", written::<Coco>(None)),
         ("boxes", read::<Vec<FileBox>>(None)),
+        ("posteriors", read::<PosteriorLine>(None)),
         // What `--json` prints.
         ("convergence", written::<convergence::ConvergenceReport<'_>>(Some(convergence::SCHEMA))),
         ("detect", written::<detect::DetectReport<'_>>(Some(detect::SCHEMA))),

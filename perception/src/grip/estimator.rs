@@ -12,6 +12,7 @@ use rayon::prelude::*;
 use super::belief::posterior;
 use super::colour::{self, Picture};
 use super::joint::{self, Joint, Searched};
+use super::places::places;
 use super::proposal::box_priors;
 use super::search::Search;
 use super::settings::GripSettings;
@@ -22,7 +23,7 @@ use crate::frame::check_frame;
 use crate::hypotheses::HypothesisRenderer;
 use crate::model::{Model, ModelCache, stream};
 use crate::observation::Observation;
-use crate::particles::closed;
+use crate::particles::{closed, nothing};
 use crate::posterior::{ColourVerdict, PosePosterior};
 use crate::workspace::Workspace;
 
@@ -127,16 +128,48 @@ impl PoseEstimator for GripEstimator {
             let (models, observation, settings) = (&models, &observation, &self.settings);
             Joint { models, observation, settings, search }.settle(&mut results, joint)?;
         }
-        let colours = self.look_at_colours(frame, &models, &observation, detections, &mut results)?;
+        let picture = if self.settings.colour.enabled { Picture::new(frame) } else { None };
+        let picture = picture.as_ref();
+        let colours = self.look_at_colours(picture, &models, &observation, detections, &mut results)?;
         let terms = self.explained(&models, &observation, detections, &results)?;
-        Ok(models
-            .iter()
-            .zip(results)
-            .map(|(model, (found, seconds))| posterior(model, found, seconds, &self.settings))
-            .zip(colours)
-            .zip(terms)
-            .map(|((belief, colour), terms)| closed(PosePosterior { colour, terms, ..belief }))
+        let beliefs = self.believed(picture, &models, &observation, detections, results, seed)?;
+        let explained = colours.into_iter().zip(terms);
+        Ok(beliefs
+            .into_iter()
+            .zip(explained)
+            .map(|(belief, (colour, terms))| closed(PosePosterior { colour, terms, ..belief }))
             .collect())
+    }
+}
+
+impl GripEstimator {
+    /// Where else each object may be, and how far off.
+    fn believed(
+        &self,
+        picture: Option<&Picture>,
+        models: &[Arc<Model>],
+        observation: &Observation,
+        detections: &Detections,
+        results: Vec<Searched>,
+        seed: u64,
+    ) -> Result<Vec<PosePosterior>> {
+        let believed = |(i, (found, seconds)): (usize, Searched)| {
+            let model = &*models[i];
+            let Some(found) = found else { return Ok(nothing(model, seconds)) };
+            let start = Instant::now();
+            let boxes = box_priors(detections.of(&model.name), observation, &self.settings.proposal);
+            let mut renderer = self.renderer.session();
+            let mut search = Search::new(model, observation, &boxes, &self.settings, &mut *renderer);
+            let places = std::iter::once(&found)
+                .chain(&found.others)
+                .map(|found| places(model, found, observation, picture, &mut search))
+                .collect::<Result<Vec<_>>>()?;
+            let mut rng = rng::stream(seed, &format!("{}/posterior", stream("grip", models, i)));
+            let mut belief = posterior(model, found, &places, seconds, &self.settings, &mut rng);
+            belief.seconds += start.elapsed().as_secs_f64();
+            Ok(belief)
+        };
+        results.into_par_iter().enumerate().map(believed).collect()
     }
 }
 
@@ -144,16 +177,15 @@ impl GripEstimator {
     /// Lets colour decide between poses that depth cannot tell apart.
     fn look_at_colours(
         &self,
-        frame: &CameraFrame,
+        picture: Option<&Picture>,
         models: &[Arc<Model>],
         observation: &Observation,
         detections: &Detections,
         results: &mut [Searched],
     ) -> Result<Vec<Option<ColourVerdict>>> {
         let settings = &self.settings.colour;
-        let picture = if settings.enabled { Picture::new(frame) } else { None };
         let decided = |(model, (found, seconds)): (&Arc<Model>, &mut Searched)| {
-            let (Some(picture), Some(found)) = (&picture, found) else { return Ok(None) };
+            let (Some(picture), Some(found)) = (picture, found) else { return Ok(None) };
             let start = Instant::now();
             let boxes = box_priors(detections.of(&model.name), observation, &self.settings.proposal);
             let mut renderer = self.renderer.session();

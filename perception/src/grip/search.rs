@@ -241,7 +241,7 @@ impl<'a> Search<'a> {
     }
 
     /// Moves poses as the batch says; their scores then, 0 for one that cannot be seen whole enough to be judged.
-    fn weigh(&mut self, batch: &Batch<'_>, poses: &mut [Isometry3<f32>]) -> Result<Vec<f32>> {
+    pub fn weigh(&mut self, batch: &Batch<'_>, poses: &mut [Isometry3<f32>]) -> Result<Vec<f32>> {
         Ok(self.judged(batch, poses)?.iter().map(Parts::score).collect())
     }
 

@@ -22,7 +22,7 @@ use crate::model::fixtures::{model, skew_box, sphere};
 use crate::observation::{Observation, ObservationSettings, Stride};
 use crate::support::SupportSettings;
 
-fn settings() -> ObservationSettings {
+pub(crate) fn settings() -> ObservationSettings {
     ObservationSettings { support: SupportSettings::off(), ..ObservationSettings::default() }
 }
 

@@ -1,10 +1,12 @@
 //! Pose metrics as the field defines them: ADD and ADD-S ([`add`](fn@add), [`adds`]) and the area under their
 //! accuracy-threshold curve ([`auc`]), and the BOP challenge's: MSSD and MSPD ([`SymmetricShape`]), [`vsd`](fn@vsd), and the
-//! average recall over their thresholds ([`AverageRecall`]); and in words how an estimate is wrong ([`ErrorKind`]).
+//! average recall over their thresholds ([`AverageRecall`]); in words how an estimate is wrong ([`ErrorKind`]); and whether a
+//! posterior holds the truth as often as it says ([`credible_level`]).
 //!
 //! Pure functions of poses, models and depth images; who compares belief with truth is not this crate's business.
 
 mod add;
+mod calibration;
 mod kind;
 mod recall;
 mod surface_distance;
@@ -13,6 +15,7 @@ mod vsd;
 use nalgebra::Point3;
 
 pub use add::{Surface, add, adds};
+pub use calibration::credible_level;
 pub use kind::{ErrorKind, ErrorKinds};
 pub use recall::{AverageRecall, Hits, Measured, PairErrors, THRESHOLDS};
 pub use surface_distance::{SYMMETRY_STEP, SymmetricShape};

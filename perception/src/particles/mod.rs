@@ -4,6 +4,6 @@ mod result;
 mod summary;
 mod trace;
 
-pub(crate) use self::result::{ScoredPose, SearchResult};
-pub(crate) use self::summary::{nothing, summarized};
+pub(crate) use self::result::{ScoredPose, SearchResult, typed};
+pub(crate) use self::summary::{believed, nothing, summarized};
 pub(crate) use self::trace::{Trace, closed, replaced};

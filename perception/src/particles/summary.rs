@@ -1,7 +1,7 @@
 //! From weighted particles to a posterior: modes, entropy and spread.
 
 use grip_sim::pose::Pose;
-use nalgebra::{Isometry3, Matrix4, Quaternion, Translation3, UnitQuaternion, Vector3, Vector4};
+use nalgebra::{Isometry3, Matrix6};
 
 use super::result::{ScoredPose, SearchResult, typed};
 use crate::hull::{directions, reach};
@@ -48,13 +48,28 @@ pub(crate) fn summarized(
     seconds: f64,
 ) -> PosePosterior {
     let population: Vec<(ScoredPose, f64)> = found.population.iter().copied().zip(weights).collect();
-    let (position_std_m, rotation_std_rad) = spread(model, &population, &found.best.pose);
     let modes = modes(model, &found.best, &population);
+    let particles = population.iter().map(|(h, w)| (h.pose, *w)).collect();
+    believed(model, found, modes, particles, confidence, seconds)
+}
+
+/// What is believed after a search: modes, and weighted poses that stand for them.
+pub(crate) fn believed(
+    model: &Model,
+    found: SearchResult,
+    modes: Vec<Mode>,
+    particles: Vec<(Isometry3<f32>, f64)>,
+    confidence: f64,
+    seconds: f64,
+) -> PosePosterior {
+    // Of the best place: how far others are from it is theirs to tell.
+    let at_best = modes.first().map(|mode| (mode.position_std_m, mode.rotation_std_rad));
+    let (position_std_m, rotation_std_rad) = at_best.unwrap_or((f64::INFINITY, f64::INFINITY));
     let entropy = modes.iter().map(|m| if m.mass > 0.0 { -m.mass * m.mass.ln() } else { 0.0 }).sum();
     PosePosterior {
         object: model.name.clone(),
         best: typed(&found.best.pose),
-        particles: population.iter().map(|(h, w)| (typed(&h.pose), *w)).collect(),
+        particles: particles.iter().map(|(pose, w)| (typed(pose), *w)).collect(),
         modes,
         entropy,
         score: f64::from(found.best.score),
@@ -95,15 +110,9 @@ fn modes(model: &Model, best: &ScoredPose, population: &[(ScoredPose, f64)]) -> 
         }
     }
     let mode = |Place { first, members, .. }: Place| {
-        let (position_std_m, rotation_std_rad) = spread(model, &members, &first.pose);
-        Mode {
-            pose: typed(&first.pose),
-            mean: typed(&mean(model.symmetry(), &first.pose, &members)),
-            mass: members.iter().map(|(_, w)| w).sum(),
-            score: f64::from(first.score),
-            position_std_m,
-            rotation_std_rad,
-        }
+        let mass = members.iter().map(|(_, w)| w).sum();
+        let covariance = covariance(model.symmetry(), &first.pose, &members);
+        Mode::new(typed(&first.pose), mass, first.score.into(), &covariance)
     };
     let mut modes: Vec<Mode> = places.into_iter().map(mode).collect();
     if let Some((_, rest)) = modes.split_first_mut() {
@@ -112,54 +121,29 @@ fn modes(model: &Model, best: &ScoredPose, population: &[(ScoredPose, f64)]) -> 
     modes
 }
 
-/// Mean of poses of an object that looks the same after some turns: each is taken in that of its equal orientations which is
-/// nearest to `first`. Rotations are averaged as Markley (2007) does.
-fn mean(symmetry: &SymmetryGroup, first: &Isometry3<f32>, members: &[(ScoredPose, f64)]) -> Isometry3<f32> {
+/// Of weighted poses about `first`, each taken in that of its equal orientations which is nearest to it.
+fn covariance(
+    symmetry: &SymmetryGroup,
+    first: &Isometry3<f32>,
+    members: &[(ScoredPose, f64)],
+) -> Matrix6<f64> {
     let mass: f64 = members.iter().map(|(_, w)| w).sum();
     if mass.is_nan() || mass <= 0.0 {
-        return *first;
+        return Matrix6::zeros();
     }
-    let mut position = Vector3::zeros();
-    let mut products = Matrix4::<f64>::zeros();
+    let about = Mode::new(typed(first), 1.0, 1.0, &Matrix6::zeros());
+    let mut sum = Matrix6::zeros();
     for (h, w) in members {
-        let pose = symmetry.nearest(&h.pose, first);
-        position += pose.translation.vector.cast::<f64>() * (w / mass);
-        let q: Vector4<f64> = pose.rotation.coords.cast();
-        products += q * q.transpose() * *w;
+        let off = about.displacement(&typed(&symmetry.nearest(&h.pose, first)));
+        sum += off * off.transpose() * (w / mass);
     }
-    let eigen = products.symmetric_eigen();
-    let q = Quaternion::from_vector(eigen.eigenvectors.column(eigen.eigenvalues.imax()).into_owned());
-    let rotation = UnitQuaternion::from_quaternion(q.cast());
-    Isometry3::from_parts(Translation3::from(position.cast::<f32>()), rotation)
-}
-
-/// Root mean square distance of the origins from their mean, and of orientation: change of the hull's support function from
-/// that at `reference`, relative to the object's radius.
-fn spread(model: &Model, population: &[(ScoredPose, f64)], reference: &Isometry3<f32>) -> (f64, f64) {
-    let mass: f64 = population.iter().map(|(_, w)| w).sum();
-    if mass.is_nan() || mass <= 0.0 {
-        return (0.0, 0.0);
-    }
-    let positions = || population.iter().map(|(h, w)| (h.pose.translation.vector.cast::<f64>(), w / mass));
-    let mean = positions().fold(Vector3::zeros(), |m, (p, w)| m + p * w);
-    let variance: f64 = positions().map(|(p, w)| w * (p - mean).norm_squared()).sum();
-    let only_turned = |pose: &Isometry3<f32>| Isometry3::from_parts(Translation3::identity(), pose.rotation);
-    let reference = only_turned(reference);
-    let base: Vec<f32> = directions(DIRECTIONS).map(|d| reach(&model.hull, &reference, &d)).collect();
-    let mut change = 0.0;
-    for (h, w) in population {
-        let turned = only_turned(&h.pose);
-        let sum: f32 = directions(DIRECTIONS)
-            .zip(&base)
-            .map(|(d, b)| (reach(&model.hull, &turned, &d) - b).powi(2))
-            .sum();
-        change += w / mass * f64::from(sum) / DIRECTIONS as f64;
-    }
-    (variance.sqrt(), change.sqrt() / f64::from(model.radius))
+    sum
 }
 
 #[cfg(test)]
 mod tests {
+    use nalgebra::{Translation3, UnitQuaternion, Vector3};
+
     use super::*;
     use crate::model::fixtures::{can, skew_box};
 
@@ -191,31 +175,35 @@ mod tests {
         let masses: Vec<f64> = p.modes.iter().map(|m| m.mass).collect();
         assert_eq!(masses, [0.5, 0.5]);
         assert!((p.entropy - 2f64.ln()).abs() < 1e-12);
-        assert!((p.modes[1].mean.translation().x - 0.1005).abs() < 1e-6);
-        assert!((p.modes[1].position_std_m - 0.0005).abs() < 1e-6);
+        // About the first of two that are a millimetre apart.
+        assert!((p.modes[1].position_std_m - 0.001 / 2f64.sqrt()).abs() < 1e-6);
         assert!(p.there && p.modes[0].pose == p.best);
     }
 
     #[test]
-    fn a_turned_can_is_one_mode_with_a_mean_and_no_spread() {
+    fn a_turned_can_is_one_mode_without_spread() {
         let can = can(0.03, 0.1);
         let turned = |angle: f32| Vector3::new(0.0, 0.0, angle);
         let population: Vec<ScoredPose> = (0..12).map(|i| at(0.0, turned(0.5 * i as f32), 0.8)).collect();
         let p = summarized(&can, found(population), vec![1.0 / 12.0; 12], 0.9, 0.0);
         assert_eq!(p.modes.len(), 1);
         assert!(p.entropy.abs() < 1e-9 && p.modes[0].rotation_std_rad < 0.02, "{:?}", p.modes[0]);
-        // Equal orientations are taken nearest to the best: the mean is the best.
-        let off = p.modes[0].mean.iso().rotation.angle_to(&p.best.iso().rotation);
-        assert!(off < 1e-3, "{off}");
     }
 
     #[test]
-    fn the_mean_of_rotations_is_halfway() {
+    fn the_covariance_is_that_of_the_poses_about_the_best() {
         let model = skew_box([0.05, 0.08, 0.1]);
         let population =
-            vec![at(0.0, Vector3::new(0.0, 0.1, 0.0), 0.8), at(0.0, Vector3::new(0.0, -0.06, 0.0), 0.8)];
+            vec![at(0.0, Vector3::new(0.0, 0.1, 0.0), 0.8), at(0.003, Vector3::new(0.0, -0.06, 0.0), 0.8)];
         let p = summarized(&model, found(population), vec![0.5, 0.5], 0.9, 0.0);
-        let mean = p.modes[0].mean.iso().rotation.scaled_axis();
-        assert!((mean - Vector3::new(0.0, 0.02, 0.0)).norm() < 1e-4, "{mean}");
+        let covariance = p.modes[0].covariance();
+        assert!((covariance[(0, 0)] - 0.5 * 0.003_f64.powi(2)).abs() < 1e-9);
+        assert!((covariance[(4, 4)] - 0.5 * 0.16_f64.powi(2)).abs() < 1e-5);
+        assert!((covariance[(0, 4)] + 0.5 * 0.003 * 0.16).abs() < 1e-6);
+        // And what is off by it is found again.
+        let off = p.modes[0].displacement(&p.particles[1].0);
+        assert!(
+            (p.modes[0].displaced(&off).iso().inverse() * p.particles[1].0.iso()).rotation.angle() < 1e-6
+        );
     }
 }

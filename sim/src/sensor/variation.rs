@@ -2,8 +2,7 @@
 //!
 //! For data sets on which estimators are to be told apart, and on which they are tuned for real pictures without looking at
 //! any. Ranges are of common RGB-D cameras and their drivers: automatic exposure and white balance that err, tone curves,
-//! sharpening, JPEG compression; colour that lies some pixels beside depth; one of several depth cameras, whose depth is off by
-//! millimetres, differently in different parts of the image.
+//! sharpening, JPEG compression; colour that lies some pixels beside depth; one of several depth cameras.
 
 use image::codecs::jpeg::{JpegDecoder, JpegEncoder};
 use image::imageops;
@@ -15,7 +14,7 @@ use rand_chacha::ChaCha8Rng;
 use super::depth::{Carmine109, DepthNoise, Matcher};
 use super::normal::normal;
 use crate::frame::CameraFrame;
-use crate::images::{DepthImage, RgbImage};
+use crate::images::RgbImage;
 use crate::render::srgb::{LINEAR_OF_8BIT, from_linear};
 
 /// Standard deviation of exposure, stops.
@@ -34,11 +33,6 @@ const NOISE: [f32; 2] = [0.005, 0.04];
 const JPEG_QUALITY: [u8; 2] = [40, 95];
 /// and the shift of colour against depth, pixels along each side.
 const SHIFT_PX: [f32; 2] = [-4.0, 4.0];
-/// Depth is off by a smooth field: standard deviation at its nodes, metres, and nodes along the picture's sides; and by one
-/// amount everywhere.
-const BIAS_M: f32 = 0.002;
-const BIAS_NODES: [usize; 2] = [8, 6];
-const OFFSET_M: f32 = 0.0015;
 /// The depth cameras there are.
 const DEPTH_CAMERAS: [DepthNoise; 4] = [
     DepthNoise::Matched(Matcher::XTION),
@@ -68,8 +62,6 @@ pub struct CameraVariation {
     pub shift_px: [f32; 2],
     /// How its depth is noisy.
     pub depth_noise: DepthNoise,
-    /// What is added to depth beside that, metres: at nodes spread evenly over the picture, row by row.
-    pub depth_bias_m: Vec<f32>,
 }
 
 impl CameraVariation {
@@ -78,8 +70,6 @@ impl CameraVariation {
         let within = |[low, high]: [f32; 2], rng: &mut ChaCha8Rng| low + (high - low) * rng.random::<f32>();
         let exposure = (EXPOSURE_STOPS * normal(rng)).exp2();
         let gain = [(); 3].map(|()| exposure * (WHITE_BALANCE * normal(rng)).exp());
-        let offset = OFFSET_M * normal(rng);
-        let nodes = BIAS_NODES[0] * BIAS_NODES[1];
         Self {
             gain,
             contrast: within(CONTRAST, rng),
@@ -90,7 +80,6 @@ impl CameraVariation {
             jpeg_quality: rng.random_range(JPEG_QUALITY[0]..=JPEG_QUALITY[1]),
             shift_px: [within(SHIFT_PX, rng), within(SHIFT_PX, rng)],
             depth_noise: DEPTH_CAMERAS[rng.random_range(0..DEPTH_CAMERAS.len())],
-            depth_bias_m: (0..nodes).map(|_| offset + BIAS_M * normal(rng)).collect(),
         }
     }
 
@@ -99,11 +88,7 @@ impl CameraVariation {
     /// # Errors
     /// When the picture cannot be compressed: it has no pixels, or more than 65535 a side.
     pub fn applied(&self, frame: &CameraFrame, rng: &mut ChaCha8Rng) -> ImageResult<CameraFrame> {
-        Ok(CameraFrame {
-            rgb: self.colour(&frame.rgb, rng)?,
-            depth: self.depth(&frame.depth),
-            ..frame.clone()
-        })
+        Ok(CameraFrame { rgb: self.colour(&frame.rgb, rng)?, ..frame.clone() })
     }
 
     fn colour(&self, rgb: &RgbImage, rng: &mut ChaCha8Rng) -> ImageResult<RgbImage> {
@@ -131,31 +116,6 @@ impl CameraVariation {
             image::Rgb(code.map(|c| (255.0 * c.clamp(0.0, 1.0) + 0.5) as u8))
         });
         compressed(&shifted, self.jpeg_quality)
-    }
-
-    fn depth(&self, depth: &DepthImage) -> DepthImage {
-        let size = [depth.width(), depth.height()];
-        let mut taken = depth.clone();
-        for (i, z) in taken.data_mut().iter_mut().enumerate() {
-            if *z > 0.0 {
-                *z += self.bias(i % size[0], i / size[0], size);
-            }
-        }
-        taken
-    }
-
-    /// Between nodes bilinear.
-    fn bias(&self, u: usize, v: usize, size: [usize; 2]) -> f32 {
-        let place = |x: usize, axis: usize| {
-            let last = BIAS_NODES[axis] - 1;
-            let at = x as f32 / (size[axis] - 1).max(1) as f32 * last as f32;
-            let node = (at as usize).min(last - 1);
-            (node, at - node as f32)
-        };
-        let ((x, p), (y, q)) = (place(u, 0), place(v, 1));
-        let node = |x: usize, y: usize| self.depth_bias_m[y * BIAS_NODES[0] + x];
-        let row = |y: usize| node(x, y) + p * (node(x + 1, y) - node(x, y));
-        row(y) + q * (row(y + 1) - row(y))
     }
 }
 
@@ -191,7 +151,6 @@ mod tests {
             jpeg_quality: 100,
             shift_px: [0.0; 2],
             depth_noise: DepthNoise::None,
-            depth_bias_m: vec![0.0; BIAS_NODES[0] * BIAS_NODES[1]],
         }
     }
 
@@ -246,16 +205,6 @@ mod tests {
         let shifted = taken(&CameraVariation { shift_px: [4.0, -2.0], ..plain() });
         let [x, y] = middle(&shifted.rgb);
         assert!((x - x0 - 4.0).abs() < 0.3 && (y - y0 + 2.0).abs() < 0.3, "{x} {y}");
-    }
-
-    #[test]
-    fn the_bias_of_depth_is_that_of_its_nodes() {
-        let nodes = (0..BIAS_NODES[0] * BIAS_NODES[1]).map(|i| 0.001 * (i % BIAS_NODES[0]) as f32).collect();
-        let taken = taken(&CameraVariation { depth_bias_m: nodes, ..plain() });
-        for (u, wanted) in [(0, 0.0), (95, 0.007), (47, 0.001 * 7.0 * 47.0 / 95.0)] {
-            let z = (0..64).map(|v| *taken.depth.at(u, v)).fold(0.0, f32::max);
-            assert!((z - 1.0 - wanted).abs() < 1e-5, "{u}: {z}");
-        }
     }
 
     #[test]

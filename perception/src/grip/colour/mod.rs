@@ -26,7 +26,8 @@ pub(crate) use self::picture::Picture;
 use self::agreement::Agreement;
 use self::view::View;
 use super::search::Search;
-use super::settings::ColourSettings;
+use super::settings::{ColourSettings, GripSettings};
+use super::uncertainty::Fit;
 use crate::error::Result;
 use crate::model::{Model, Print};
 use crate::observation::{Observation, ObservationSettings};
@@ -95,6 +96,11 @@ pub(crate) fn decide(
         gain: f64::from(agreement.total - present.total),
         abstained,
     };
+    // Where depth itself is off by much, a lower depth score says little.
+    let GripSettings { polish, uncertainty, .. } = search.settings();
+    let noise =
+        Fit::new(model, &best, observation, polish.triangles, uncertainty).map_or(0.0, |fit| fit.noise_m);
+    let trust = settings.trust(noise);
     // Where print and picture are opposites they agree no less than where they have nothing in common.
     let gain = |a: &Agreement| settings.weight * (a.total.max(0.0) - present.total.max(0.0));
     // Before it is polished a pose need not be better by the margin yet.
@@ -122,7 +128,7 @@ pub(crate) fn decide(
         };
         // The polish may have moved it.
         let Some(agreement) = view.agreement(&polished.pose) else { continue };
-        let lost = depth - polished.score;
+        let lost = trust * (depth - polished.score);
         let merit = gain(&agreement) - lost;
         let better = chosen.as_ref().is_none_or(|(most, ..)| merit > *most);
         let there = agreement.total >= settings.min_agreement && lost <= settings.depth_margin;
@@ -134,6 +140,26 @@ pub(crate) fn decide(
     found.best = pose;
     found.population.insert(0, pose);
     Some(Ok(verdict(&agreement, false)))
+}
+
+/// How the print of an object at a pose agrees with the picture; `None` where there is no telling.
+pub(super) fn agreement(
+    model: &Model,
+    pose: &Isometry3<f32>,
+    observation: &Observation,
+    picture: &Picture,
+    settings: &ColourSettings,
+) -> Option<f32> {
+    let view = View::new(model.print()?, pose, observation, picture, settings)?;
+    view.agreement(pose).filter(|a| a.pixels >= settings.min_pixels).map(|a| a.total)
+}
+
+/// A pose turned in all ways that depth may not notice, but about the axis of a body of revolution.
+pub(super) fn turned(model: &Model, pose: &Isometry3<f32>) -> Vec<Isometry3<f32>> {
+    let middle = model.oriented_box.translation.vector;
+    let turned = |q: &UnitQuaternion<f32>| turned_about(pose, &middle, q);
+    let discrete = model.symmetry().discrete.iter().filter(|q| q.angle() > 0.1).map(turned);
+    discrete.chain(model.near_symmetries().iter().map(|turn| pose * turn)).collect()
 }
 
 /// The poses that depth confuses with the best one.
@@ -207,10 +233,7 @@ fn refined(mut angle: f32, mut step: f32, height: impl Fn(f32) -> f32) -> f32 {
 /// none of these.
 fn modes(model: &Model, found: &SearchResult, settings: &ColourSettings) -> Vec<Isometry3<f32>> {
     let best = &found.best;
-    let middle = model.oriented_box.translation.vector;
-    let turned = |q: &UnitQuaternion<f32>| turned_about(&best.pose, &middle, q);
-    let mut poses: Vec<Isometry3<f32>> = model.symmetry().discrete.iter().map(turned).collect();
-    poses.extend(model.near_symmetries().iter().map(|turn| best.pose * turn));
+    let mut poses = turned(model, &best.pose);
     let most = poses.len() + settings.most_modes;
     for h in found.population.iter().filter(|h| h.score > best.score - settings.depth_margin) {
         let same = |p: &Isometry3<f32>| p.rotation.angle_to(&h.pose.rotation) < settings.same_mode_rad;

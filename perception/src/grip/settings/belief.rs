@@ -9,8 +9,7 @@ use crate::checks::{Checked, positive, within};
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct BeliefSettings {
-    /// Temperature of the particle weights that are handed out, over 0 (0.03): two runs' scores at one place differ by about
-    /// this.
+    /// Temperature of the places' masses, over 0 (0.012): with it the best place has as much mass as it is right.
     pub temperature: f64,
     /// Score at which an object is as likely present as absent, -10 to 10 (0.5).
     pub presence_score: f64,
@@ -20,7 +19,7 @@ pub struct BeliefSettings {
 
 impl Default for BeliefSettings {
     fn default() -> Self {
-        Self { temperature: 0.03, presence_score: 0.5, presence_scale: 0.04 }
+        Self { temperature: 0.012, presence_score: 0.5, presence_scale: 0.04 }
     }
 }
 

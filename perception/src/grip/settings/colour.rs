@@ -3,7 +3,7 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::checks::{Checked, within};
+use crate::checks::{Checked, positive, within};
 
 /// When colour may decide between poses that depth cannot tell apart. Figures in brackets are the defaults.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -12,10 +12,13 @@ pub struct ColourSettings {
     /// Whether it may (true; the paper: not). Switched off, poses are left as depth has them.
     pub enabled: bool,
     /// What an agreement with the picture of 1 (see [`ColourVerdict::agreement`](crate::ColourVerdict::agreement)) is worth, in
-    /// units of the depth score, 0 to 10 (0.4).
+    /// units of the depth score, 0 to 10 (0.35).
     pub weight: f32,
     /// By how much score and weighted agreement of a pose must be better together than those of the present one, 0 to 1 (0.02).
     pub margin: f32,
+    /// Errors of depth at which its score counts for half, metres, over 0 (0.001): what does not average out within a
+    /// [window](crate::UncertaintySettings) is 0.1 mm in our own scenes, 0.7 in hard ones.
+    pub noise_m: f64,
     /// A pose whose depth score, after polishing, is lower than that of the present one by more is no equal of it, whatever its
     /// print, 0 to 1 (0.1).
     pub depth_margin: f32,
@@ -40,8 +43,9 @@ impl Default for ColourSettings {
     fn default() -> Self {
         Self {
             enabled: true,
-            weight: 0.4,
+            weight: 0.35,
             margin: 0.02,
+            noise_m: 0.001,
             depth_margin: 0.1,
             min_agreement: 0.1,
             min_pixels: 60,
@@ -60,6 +64,11 @@ impl ColourSettings {
         Self { enabled: false, ..Self::default() }
     }
 
+    /// How far differences of the depth score are believed where depth is off by `noise_m`.
+    pub(crate) fn trust(&self, noise_m: f64) -> f32 {
+        (1.0 / (1.0 + noise_m / self.noise_m)) as f32
+    }
+
     /// What is wrong with a value, if anything: its field, the value and the range.
     ///
     /// # Errors
@@ -67,6 +76,7 @@ impl ColourSettings {
     pub fn validate(&self) -> Checked {
         within("weight", self.weight, 0.0..=10.0, "")?;
         within("margin", self.margin, 0.0..=1.0, "")?;
+        positive("noise_m", self.noise_m)?;
         within("min_agreement", self.min_agreement, -1.0..=1.0, "")?;
         within("depth_margin", self.depth_margin, 0.0..=1.0, "")?;
         within("min_pixels", self.min_pixels, 10..=100_000, "pixels")?;

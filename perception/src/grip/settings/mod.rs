@@ -8,6 +8,7 @@ mod near_symmetry;
 mod proposal;
 mod score;
 mod search;
+mod uncertainty;
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -19,6 +20,7 @@ pub use self::near_symmetry::NearSymmetrySettings;
 pub use self::proposal::ProposalSettings;
 pub use self::score::ScoreSettings;
 pub use self::search::{PolishSettings, RestartSettings, SearchLevel, SearchSettings};
+pub use self::uncertainty::UncertaintySettings;
 
 use crate::checks::{Checked, part};
 use crate::observation::ObservationSettings;
@@ -46,6 +48,8 @@ pub struct GripSettings {
     pub joint: JointSettings,
     /// When colour decides.
     pub colour: ColourSettings,
+    /// How far off poses may be.
+    pub uncertainty: UncertaintySettings,
     /// What scores are worth as probabilities.
     pub belief: BeliefSettings,
 }
@@ -65,6 +69,7 @@ impl GripSettings {
         part("score", self.score.validate())?;
         part("joint", self.joint.validate())?;
         part("colour", self.colour.validate())?;
+        part("uncertainty", self.uncertainty.validate())?;
         part("belief", self.belief.validate())
     }
 }
