@@ -35,7 +35,8 @@ pub struct ScenesArgs {
     /// Who takes the pictures.
     #[arg(long, value_enum, default_value_t = Profile::Standard)]
     pub profile: Profile,
-    /// Depth noise preset in place of the scene's: none, nguyen, handa, redwood, carmine-109, carmine-109-near.
+    /// Depth camera in place of the scene's: none, nguyen, handa, redwood, carmine-109, carmine-109-near, xtion, fetch-head,
+    /// d435; with --profile hard in place of any of the last three and carmine-109.
     #[arg(long, value_name = "PRESET")]
     pub depth_noise: Option<String>,
     /// Lens distortion by OpenCV's coefficients k1,k2,p1,p2,k3; pictures, masks and depth are all distorted.

@@ -150,15 +150,6 @@ mod tests {
         let covariance = Matrix6::from_diagonal(&Vector6::new(1e-6, 4e-6, 9e-6, 1e-4, 4e-4, 9e-4));
         let at = |x: f64| Pose::from_xyz_rpy([x, 0.0, 1.0], [0.1, 0.2, 0.3]);
         let modes = [Mode::new(at(0.0), 0.7, 0.8, &covariance), Mode::new(at(1.0), 0.3, 0.7, &covariance)];
-        // As far as the best pose is not believed the object is somewhere about, anyhow turned.
-        modes.iter_mut().for_each(|mode| mode.mass *= confidence);
-        let lost = settings.uncertainty.lost(model.radius.into());
-        let score = found.best.score.into();
-        let degrees_of_freedom = Some(settings.uncertainty.degrees_of_freedom);
-        modes.push(Mode {
-            degrees_of_freedom,
-            ..Mode::new(typed(&found.best.pose), 1.0 - confidence, score, &lost)
-        });
         let particles = drawn(&modes, 4000, &mut rng::stream(1, "t"));
         assert_eq!(particles.len(), 4000);
         assert!(
