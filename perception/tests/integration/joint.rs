@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use grip_perception::{
-    Detection, Detections, GripEstimator, GripSettings, JointSettings, Mode, PoseEstimator, PosePosterior,
+    Detection, Detections, GripEstimator, GripSettings, JointSettings, PoseEstimator, PosePosterior,
 };
 use grip_sim::objects::ObjectModel;
 use grip_sim::rng;
@@ -97,9 +97,9 @@ fn without_looking_at_them_together_two_of_a_kind_may_be_one() {
     assert!(missed > 0);
 }
 
-/// One object that is asked for once and stands there three times: three modes, one at each place.
+/// One object that is asked for once and stands there three times: as much belief at each place.
 #[test]
-fn several_instances_are_several_modes() {
+fn several_instances_share_the_belief() {
     let can = can_object("can", 0.033, 0.1);
     let joint = JointSettings { instances: 5, ..JointSettings::default() };
     let estimator = GripEstimator::new(GripSettings { joint, ..GripSettings::default() }).unwrap();
@@ -108,13 +108,11 @@ fn several_instances_are_several_modes() {
             frames::scene(&[can.clone(), can.clone(), can.clone()], 0.04, &mut rng::stream(seed, "three"));
         let found =
             estimator.estimate(&scene.frame, &Detections::new(), std::slice::from_ref(&can), seed).unwrap();
-        let modes: Vec<&Mode> = found[0].modes.iter().filter(|mode| mode.mass > 0.1).collect();
-        assert_eq!(modes.len(), 3, "seed {seed}: {:?}", found[0].modes);
         for (_, truth) in &scene.placed {
-            let nearest = modes.iter().map(|m| adds(&can, truth, &m.pose)).fold(f64::MAX, f64::min);
-            assert!(nearest < 0.01, "seed {seed}: {:.1} mm", 1e3 * nearest);
+            // Which end is up, nothing tells: one place may be two modes.
+            let here = found[0].modes.iter().filter(|mode| adds(&can, truth, &mode.pose) < 0.01);
+            let mass: f64 = here.filter(|mode| mode.position_std_m < 0.01).map(|mode| mode.mass).sum();
+            assert!((mass - 1.0 / 3.0).abs() < 0.05, "seed {seed}: {mass}, {:?}", found[0].modes);
         }
-        // Three equal ones: nothing says which.
-        assert!((found[0].entropy - 3f64.ln()).abs() < 0.2, "{}", found[0].entropy);
     }
 }
