@@ -117,7 +117,8 @@ pub struct PosePosterior {
     /// What each term of the score gives to that of `best`, by the term's name; they sum to the score.
     #[serde(default)]
     pub terms: BTreeMap<String, f64>,
-    /// That of the first of `modes`, metres. Infinite, and `null` in JSON, where nothing was found.
+    /// Root mean square distance of the object's origin from its mean, over all of `modes` but the wide one, metres. Infinite, and
+    /// `null` in JSON, where nothing was found.
     #[serde(with = "or_infinite")]
     #[schemars(with = "Option<f64>")]
     pub position_std_m: f64,

@@ -1,6 +1,7 @@
 //! From places to a posterior: masses, confidence, and poses that stand for it.
 
-use nalgebra::{Isometry3, Vector6};
+use grip_sim::pose::{Camera, Object, Pose};
+use nalgebra::Vector6;
 use rand::Rng;
 
 use super::places::{Place, trust};
@@ -55,20 +56,20 @@ pub(super) fn posterior(
             }
         }));
     }
-    // As far as the best pose is not believed the object is somewhere about, anyhow turned.
+    // As far as the best pose is not believed the object is somewhere about, anyhow turned: no place, and no part of the spread.
     modes.iter_mut().for_each(|mode| mode.mass *= confidence);
-    let lost = settings.uncertainty.lost(model.radius.into());
-    let score = found.best.score.into();
-    let degrees_of_freedom = Some(settings.uncertainty.degrees_of_freedom);
-    modes.push(Mode {
-        degrees_of_freedom,
-        ..Mode::new(typed(&found.best.pose), 1.0 - confidence, score, &lost)
-    });
-    if let Some((_, rest)) = modes.split_first_mut() {
+    let covariance = settings.uncertainty.lost(model.radius.into());
+    let lost = Mode {
+        degrees_of_freedom: Some(settings.uncertainty.degrees_of_freedom),
+        ..Mode::new(typed(&found.best.pose), 1.0 - confidence, found.best.score.into(), &covariance)
+    };
+    let mut belief = believed(model, found, modes, Vec::new(), confidence, seconds);
+    belief.modes.push(lost);
+    if let Some((_, rest)) = belief.modes.split_first_mut() {
         rest.sort_by(|a, b| b.mass.total_cmp(&a.mass));
     }
-    let particles = drawn(&modes, settings.uncertainty.particles, rng);
-    believed(model, found, modes, particles, confidence, seconds)
+    belief.particles = drawn(&belief.modes, settings.uncertainty.particles, rng);
+    belief
 }
 
 /// Masses of the places of one instance, which sum to 1: depth and colour, each weighed by what it is worth.
@@ -84,7 +85,7 @@ fn masses(places: &[Place], settings: &GripSettings) -> Vec<f64> {
 }
 
 /// `count` poses of equal weight, drawn from the modes by their masses; the first is the best pose itself.
-fn drawn(modes: &[Mode], count: usize, rng: &mut impl Rng) -> Vec<(Isometry3<f32>, f64)> {
+fn drawn(modes: &[Mode], count: usize, rng: &mut impl Rng) -> Vec<(Pose<Camera, Object>, f64)> {
     let mut particles = Vec::with_capacity(count);
     let (mut sum, mut step) = (0.0, 0);
     for (i, mode) in modes.iter().enumerate() {
@@ -95,7 +96,7 @@ fn drawn(modes: &[Mode], count: usize, rng: &mut impl Rng) -> Vec<(Isometry3<f32
         while step < count && (last || (step as f64 + 0.5) / (count as f64) < sum) {
             let still = step == 0 && i == 0;
             let by = if still { Vector6::zeros() } else { mode.drawn(&root, rng) };
-            particles.push((mode.displaced(&by).iso().cast::<f32>(), 1.0 / count as f64));
+            particles.push((mode.displaced(&by), 1.0 / count as f64));
             step += 1;
         }
     }
@@ -119,7 +120,6 @@ mod tests {
 
     use super::*;
     use crate::particles::ScoredPose;
-    use grip_sim::pose::Pose;
     use grip_sim::rng;
 
     #[test]
@@ -152,11 +152,9 @@ mod tests {
         let modes = [Mode::new(at(0.0), 0.7, 0.8, &covariance), Mode::new(at(1.0), 0.3, 0.7, &covariance)];
         let particles = drawn(&modes, 4000, &mut rng::stream(1, "t"));
         assert_eq!(particles.len(), 4000);
-        assert!(
-            (particles[0].0.cast::<f64>().inverse() * modes[0].pose.iso()).translation.vector.norm() < 1e-6
-        );
+        assert!((particles[0].0.iso().inverse() * modes[0].pose.iso()).translation.vector.norm() < 1e-6);
         let of = |mode: usize| {
-            particles.iter().map(|(p, _)| typed(p)).filter(move |p| (p.translation().x > 0.5) == (mode == 1))
+            particles.iter().map(|(p, _)| *p).filter(move |p| (p.translation().x > 0.5) == (mode == 1))
         };
         assert_eq!((of(0).count(), of(1).count()), (2800, 1200));
         for (i, mode) in modes.iter().enumerate() {

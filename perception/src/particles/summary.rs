@@ -1,7 +1,7 @@
 //! From weighted particles to a posterior: modes, entropy and spread.
 
 use grip_sim::pose::Pose;
-use nalgebra::{Isometry3, Matrix6};
+use nalgebra::{Isometry3, Matrix6, Vector3};
 
 use super::result::{ScoredPose, SearchResult, typed};
 use crate::hull::{directions, reach};
@@ -62,9 +62,7 @@ pub(crate) fn believed(
     confidence: f64,
     seconds: f64,
 ) -> PosePosterior {
-    // Of the best place: how far others are from it is theirs to tell.
-    let at_best = modes.first().map(|mode| (mode.position_std_m, mode.rotation_std_rad));
-    let (position_std_m, rotation_std_rad) = at_best.unwrap_or((f64::INFINITY, f64::INFINITY));
+    let (position_std_m, rotation_std_rad) = spread(&modes);
     let entropy = modes.iter().map(|m| if m.mass > 0.0 { -m.mass * m.mass.ln() } else { 0.0 }).sum();
     PosePosterior {
         object: model.name.clone(),
@@ -84,6 +82,19 @@ pub(crate) fn believed(
         colour: None,
         trace: found.trace,
     }
+}
+
+/// Root mean square of how far an object is from where and how it lies in the mean (position) and in the first mode
+/// (orientation), metres and radians.
+fn spread(modes: &[Mode]) -> (f64, f64) {
+    let mass: f64 = modes.iter().map(|mode| mode.mass).sum();
+    let Some(first) = modes.first().filter(|_| mass > 0.0) else { return (f64::INFINITY, f64::INFINITY) };
+    let weighted = || modes.iter().map(|mode| (mode, mode.mass / mass));
+    let mean = weighted().fold(Vector3::zeros(), |sum, (mode, w)| sum + mode.pose.translation() * w);
+    let position: f64 = weighted()
+        .map(|(mode, w)| w * (mode.position_std_m.powi(2) + (mode.pose.translation() - mean).norm_squared()))
+        .sum();
+    (position.sqrt(), first.rotation_std_rad)
 }
 
 /// Particles whose hulls are near that of the first.
@@ -142,7 +153,7 @@ fn covariance(
 
 #[cfg(test)]
 mod tests {
-    use nalgebra::{Translation3, UnitQuaternion, Vector3};
+    use nalgebra::{Translation3, UnitQuaternion};
 
     use super::*;
     use crate::model::fixtures::{can, skew_box};

@@ -136,6 +136,7 @@ fn compressed(rgb: &RgbImage, quality: u8) -> ImageResult<RgbImage> {
 mod tests {
     use super::*;
     use crate::camera::Intrinsics;
+    use crate::images::DepthImage;
     use crate::pose::Pose;
     use crate::rng;
 
