@@ -96,6 +96,8 @@ fn poses_are_the_same_on_any_number_of_threads_and_after_a_stop_and_their_errors
     assert_eq!((&resumed["images"], &resumed["kept"]), (&1.into(), &1.into()));
     assert_eq!(poses(&one), poses(&two));
 
+    posteriors_are_written_and_held_against_the_truth(&set, &one);
+
     // The truth has no error, and a shift is its own ADD.
     let given = folder.path().join("given.csv");
     std::fs::write(&given, truth(&set, 0.0)).unwrap();
@@ -184,6 +186,66 @@ fn poses_are_the_same_on_any_number_of_threads_and_after_a_stop_and_their_errors
         assert!(stderr(&output).contains(expected), "{text}: {}", stderr(&output));
         assert!(!out.exists());
     }
+}
+
+/// `one` are the poses of the same run without them.
+fn posteriors_are_written_and_held_against_the_truth(set: &Path, one: &Path) {
+    let folder = one.parent().unwrap();
+    let [results, posteriors] = ["p.csv", "p.jsonl"].map(|name| folder.join(name));
+    let [out, beside] = [&results, &posteriors].map(|path| path.to_str().unwrap());
+    let set = set.to_str().unwrap();
+    let run = |more: &[&str]| {
+        let args = ["estimate", set, "--boxes", "gt", "--out", out, "--posteriors", beside, "--json"];
+        let output = grip(&[&args[..], more].concat());
+        assert_eq!(code(&output), 0, "{}", stderr(&output));
+        serde_json::from_str::<serde_json::Value>(&stdout(&output)).unwrap()
+    };
+    let summary = run(&[]);
+    assert_eq!(poses(one), poses(&results));
+    let text = std::fs::read_to_string(&posteriors).unwrap();
+    let lines: Vec<serde_json::Value> = text.lines().map(|l| serde_json::from_str(l).unwrap()).collect();
+    assert_eq!(lines.len(), poses(&results).len());
+    for line in &lines {
+        let modes = line["modes"].as_array().unwrap();
+        let mass: f64 = modes.iter().map(|mode| mode["mass"].as_f64().unwrap()).sum();
+        assert!((mass - 1.0).abs() < 1e-9, "{line}");
+        for mode in modes {
+            let rows = mode["covariance"].as_array().unwrap();
+            let at = |i: usize, j: usize| rows[i][j].as_f64().unwrap();
+            assert!((0..6).all(|i| at(i, i) > 0.0 && (0..6).all(|j| (at(i, j) - at(j, i)).abs() < 1e-12)));
+        }
+    }
+    let said = grip(&["eval", set, out, "--posteriors", beside, "--json"]);
+    assert_eq!(code(&said), 0, "{}", stderr(&said));
+    let said: serde_json::Value = serde_json::from_str(&stdout(&said)).unwrap();
+    let all = &said["credibility"]["all"];
+    assert_eq!(all["cases"].as_u64().unwrap() as usize, lines.len());
+    let ranks: f64 = all["ranks"].as_array().unwrap().iter().map(|share| share.as_f64().unwrap()).sum();
+    assert!((ranks - 1.0).abs() < 1e-9, "{all}");
+    assert!(
+        all["within"][0].as_f64() <= all["within"][1].as_f64() && all["within"][1].as_f64() > Some(0.5),
+        "{all}"
+    );
+
+    // A stopped run: one image whole in both files, of the other the posteriors are cut off.
+    let header = format!("# {}\n", summary["settings"]);
+    let csv = std::fs::read_to_string(&results).unwrap();
+    let of_csv: String = csv.lines().skip(1).map(|line| format!("{line}\n")).collect();
+    std::fs::write(folder.join("p.csv.partial"), header.clone() + &of_csv).unwrap();
+    std::fs::write(folder.join("p.jsonl.partial"), header + &text[..text.len() - 40]).unwrap();
+    let resumed = run(&["--resume"]);
+    assert_eq!((&resumed["images"], &resumed["kept"]), (&1.into(), &1.into()));
+    assert_eq!(std::fs::read_to_string(&posteriors).unwrap(), text);
+    assert!(!folder.join("p.jsonl.partial").exists());
+
+    // What cannot be right says so.
+    std::fs::write(&posteriors, "{\"scene_id\": 1}\n").unwrap();
+    let output = grip(&["eval", set, out, "--posteriors", beside]);
+    assert_eq!(code(&output), 2);
+    assert!(stderr(&output).contains("p.jsonl, line 1"), "{}", stderr(&output));
+    let output = grip(&["eval", set, out, out, "--posteriors", beside]);
+    assert_eq!(code(&output), 2);
+    assert!(stderr(&output).contains("one results file"), "{}", stderr(&output));
 }
 
 #[test]

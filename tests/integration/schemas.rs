@@ -125,8 +125,14 @@ fn files_keep_to_their_schemas() {
     let picture = scene.join("rgb/000000.png");
     tour.prints("detect-image", &["detect", picture.to_str().unwrap()]);
     let results = tour.path("grip_set-test.csv");
-    tour.prints("estimate", &["estimate", &set, "--boxes", &boxes, "--out", &results]);
-    tour.prints("eval", &["eval", &set, &results]);
+    let posteriors = tour.path("posteriors.jsonl");
+    let beside = ["--posteriors", &posteriors];
+    tour.prints(
+        "estimate",
+        &[&["estimate", &set, "--boxes", &boxes, "--out", &results], &beside[..]].concat(),
+    );
+    tour.has("posteriors", Path::new(&posteriors));
+    tour.prints("eval", &[&["eval", &set, &results], &beside[..]].concat());
     let explained = tour.path("explained.png");
     let image = ["--scene", "1", "--image", "0", "--truth", "--out", &explained];
     tour.prints("explain", &[&["explain", &set, &results], &image[..]].concat());
