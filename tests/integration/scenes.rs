@@ -165,7 +165,7 @@ fn a_lens_and_a_sphere_of_cameras_are_options() {
 }
 
 #[test]
-fn a_hard_set_has_the_same_truth_and_other_cameras() {
+fn a_hard_set_has_the_same_objects_among_other_things_and_other_cameras() {
     let folder = tempfile::tempdir().unwrap();
     let [standard, hard, again] = ["standard", "hard", "again"].map(|name| folder.path().join(name));
     let make = |out: &Path, more: &[&str]| {
@@ -177,13 +177,30 @@ fn a_hard_set_has_the_same_truth_and_other_cameras() {
     make(&again, &["--profile", "hard", "--jobs", "2"]);
     assert_same(&hard, &again);
     let (standard, files) = (files(&standard), files(&hard));
+    assert!(standard.keys().eq(files.keys()), "the same files: what is unknown is in none");
+    let json = |files: &BTreeMap<PathBuf, Vec<u8>>, name: &str| -> serde_json::Value {
+        serde_json::from_slice(&files[Path::new(name)]).unwrap()
+    };
     for (name, content) in &standard {
-        let name = name.to_str().unwrap();
-        let sensed = ["rgb/", "depth/", "scene_gt_info.json", "dataset.json"];
-        let differs = sensed.iter().any(|part| name.contains(part));
-        assert_eq!(content != &files[Path::new(name)], differs, "{name}");
+        let same = name.starts_with("models") || name.starts_with("models_eval");
+        assert!(!same || *content == files[name], "{}", name.display());
+        let picture = name.to_str().unwrap().contains("/rgb/");
+        assert!(!picture || *content != files[name], "{}", name.display());
     }
-    let plan: serde_json::Value = serde_json::from_slice(&files[Path::new("dataset.json")]).unwrap();
+    for scene in ["test/000001", "test/000002"] {
+        let info = |files: &BTreeMap<PathBuf, Vec<u8>>| {
+            json(files, &format!("{scene}/scene_info.json"))["objects"].clone()
+        };
+        assert_eq!(info(&standard), info(&files));
+        let truth = json(&files, &format!("{scene}/scene_gt.json"));
+        for image in ["0", "1"] {
+            let truths = truth[image].as_array().unwrap();
+            assert_eq!(truths.len(), info(&files).as_array().unwrap().len());
+            assert!(truths.iter().all(|truth| truth["obj_id"].as_u64() > Some(0)), "{truth}");
+        }
+    }
+    let plan = json(&files, "dataset.json");
+    assert_eq!(plan["depth_noise_name"], "any");
     assert_eq!(plan["profile"], "hard");
     common::python("check_bop.py", "numpy, PIL", &[&hard]);
 }
