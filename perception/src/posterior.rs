@@ -98,8 +98,8 @@ pub struct PosePosterior {
     pub object: String,
     /// The pose that explains the frame best.
     pub best: Pose<Camera, Object>,
-    /// Weighted poses that stand for the belief, `best` first; weights sum to 1. Drawn from `modes`, each a normal distribution
-    /// (the paper's filter: its samples).
+    /// Weighted poses that stand for the belief, `best` first; weights sum to 1. Drawn from `modes` (the paper's filter: its
+    /// samples).
     pub particles: Vec<(Pose<Camera, Object>, f64)>,
     /// Places where the object may be, that of `best` first, then by falling mass. Turns about the axis of a body of revolution are
     /// one place (the paper's filter: all turns that keep the convex hull). As far as `best` is not believed there is a wide one

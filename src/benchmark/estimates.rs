@@ -87,7 +87,7 @@ pub struct PosteriorLine {
     pub obj_id: u32,
     /// That the object is there and its best pose is right.
     pub confidence: f64,
-    /// Where it may be, each place a normal distribution; camera from object, metres.
+    /// Where it may be, each place a distribution of its own; camera from object, metres.
     pub modes: Vec<Mode>,
 }
 

@@ -51,13 +51,17 @@ impl Default for UncertaintySettings {
 impl UncertaintySettings {
     /// What is known of a pose before anything is measured.
     pub(crate) fn prior(&self) -> Matrix6<f64> {
-        let (position, turn) = (self.prior_m.powi(2), self.prior_rad.powi(2));
-        Matrix6::from_diagonal(&Vector6::new(position, position, position, turn, turn, turn))
+        self.about(self.prior_m)
     }
 
     /// Where an object of this radius is that is not where it was found: within half of it about there.
     pub(crate) fn lost(&self, radius: f64) -> Matrix6<f64> {
-        let (position, turn) = ((0.5 * radius).powi(2), self.prior_rad.powi(2));
+        self.about(0.5 * radius)
+    }
+
+    /// Off by so much in each direction, metres, and turned as it may be.
+    fn about(&self, metres: f64) -> Matrix6<f64> {
+        let (position, turn) = (metres.powi(2), self.prior_rad.powi(2));
         Matrix6::from_diagonal(&Vector6::new(position, position, position, turn, turn, turn))
     }
 

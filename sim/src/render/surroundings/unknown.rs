@@ -86,8 +86,8 @@ fn draw(rng: &mut ChaCha8Rng) -> Vec<CollisionShape> {
         return vec![along_z(0.0, body)];
     }
     // A bottle: the neck stands on the body.
-    let neck = Convex::Cylinder { half_height: between(0.01, 0.035), radius: radius * between(0.3, 0.6) };
-    let Convex::Cylinder { half_height: top, .. } = neck else { return Vec::new() };
+    let top = between(0.01, 0.035);
+    let neck = Convex::Cylinder { half_height: top, radius: radius * between(0.3, 0.6) };
     vec![along_z(-top, body), along_z(half_height, neck)]
 }
 
