@@ -27,4 +27,22 @@ pub trait PoseEstimator: Send + Sync {
         objects: &[Arc<ObjectModel>],
         seed: u64,
     ) -> Result<Vec<PosePosterior>>;
+
+    /// The same in a frame that follows one in which `before` was believed, of each of `objects` in their order: what the camera
+    /// saw somewhere is now about there. An object of which nothing was believed is searched for, and so is every object by an
+    /// estimator that does not follow.
+    ///
+    /// # Errors
+    /// As [`PoseEstimator::estimate`].
+    fn follow(
+        &self,
+        before: &[Option<PosePosterior>],
+        frame: &CameraFrame,
+        detections: &Detections,
+        objects: &[Arc<ObjectModel>],
+        seed: u64,
+    ) -> Result<Vec<PosePosterior>> {
+        let _ = before;
+        self.estimate(frame, detections, objects, seed)
+    }
 }

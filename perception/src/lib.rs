@@ -43,7 +43,7 @@ pub use estimator::PoseEstimator;
 pub use grip::{
     BeliefSettings, ColourEvidence, ColourSettings, GripEstimator, GripSettings, JointSettings,
     NearSymmetrySettings, PolishSettings, ProposalSettings, RestartSettings, ScoreSettings, SearchLevel,
-    SearchSettings, UncertaintySettings,
+    SearchSettings, TrackSettings, UncertaintySettings,
 };
 pub use hypotheses::{HypothesisRenderer, HypothesisRendererChoice};
 pub use observation::ObservationSettings;

@@ -131,6 +131,9 @@ pub struct PosePosterior {
     pub restarts: usize,
     /// Hypotheses rendered and weighed.
     pub hypotheses: usize,
+    /// Frames before this one in which it was believed to be there, one after the other; 0 of a single frame.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub followed: usize,
     /// Wall time, seconds. With those of the trace the only thing that differs between equal calls.
     pub seconds: f64,
     /// What colour said where depth could not decide. None where it was not asked (see
@@ -160,6 +163,7 @@ impl PosePosterior {
             rotation_std_rad: 0.0,
             restarts: 0,
             hypotheses: 0,
+            followed: 0,
             seconds: 0.0,
             colour: None,
             trace: Vec::new(),
@@ -215,6 +219,11 @@ pub struct TracePoint {
     pub seconds: f64,
     /// The best pose by then.
     pub best: Pose<Camera, Object>,
+}
+
+#[expect(clippy::trivially_copy_pass_by_ref, reason = "as serde has it")]
+fn is_zero(count: &usize) -> bool {
+    *count == 0
 }
 
 /// A number that may be infinite: JSON has none, so `null` stands for it.

@@ -1,6 +1,6 @@
 //! Estimating the poses of a data set, image by image, so that a run that was stopped goes on where it was.
 
-use std::collections::{BTreeMap, HashMap, HashSet};
+use std::collections::{BTreeMap, HashMap, HashSet, VecDeque};
 use std::fs::{File, OpenOptions};
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -9,7 +9,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Instant;
 
 use anyhow::{Context, Result};
-use grip_perception::{Mode, PoseEstimator};
+use grip_perception::{Mode, PoseEstimator, PosePosterior};
 use grip_sim::bop::results::{Estimate, HEADER, read_results};
 use grip_sim::bop::{self, BopFrame, Dataset, Target};
 use grip_sim::frame::CameraFrame;
@@ -36,6 +36,8 @@ pub struct Run<'a> {
     pub boxes: &'a Boxes,
     /// Who estimates.
     pub estimator: &'a dyn PoseEstimator,
+    /// Whether the images of a scene, in the order of their numbers, are a sequence in which objects are followed.
+    pub track: bool,
     /// How many objects an image that are not in it are looked for, too.
     pub absent: usize,
     /// Seed of everything random.
@@ -44,7 +46,7 @@ pub struct Run<'a> {
     pub settings: String,
     /// Where the posteriors go, too: JSON, a line an estimate, in the order of the results ([`PosteriorLine`]).
     pub posteriors: Option<&'a Path>,
-    /// Threads. Images are shared among them; each of them times its own, and does nothing else meanwhile.
+    /// Threads. Images (when tracking: scenes) are shared among them; each of them times its own, and does nothing else meanwhile.
     pub jobs: usize,
 }
 
@@ -65,6 +67,9 @@ pub struct Estimated {
 type Wanted = BTreeMap<u32, u32>;
 /// What is done, by scene and image.
 type Done = BTreeMap<(u32, u32), Lines>;
+
+/// What was believed in the last image of a sequence, by the object's number: of each instance.
+type Last = BTreeMap<u32, VecDeque<PosePosterior>>;
 
 /// Of one image.
 #[derive(Debug, Clone, Default)]
@@ -110,10 +115,14 @@ impl Run<'_> {
 
         let partial = partial_path(out)?;
         let mut done = if resume { self.resumed(&partial, &wanted)? } else { Done::new() };
+        let images = wanted.len() - done.len();
         let missing: Vec<((u32, u32), &Wanted)> =
             wanted.iter().filter(|(image, _)| !done.contains_key(*image)).map(|(i, w)| (*i, w)).collect();
-        progress.begin(wanted.len() as u64, (wanted.len() - missing.len()) as u64);
-        let mut summary = Estimated { images: missing.len(), kept: done.len(), ..Estimated::default() };
+        let together =
+            |a: &((u32, u32), &Wanted), b: &((u32, u32), &Wanted)| self.track && a.0.0 == b.0.0;
+        let missing: Vec<&[((u32, u32), &Wanted)]> = missing.chunk_by(together).collect();
+        progress.begin(wanted.len() as u64, done.len() as u64);
+        let mut summary = Estimated { images, kept: done.len(), ..Estimated::default() };
 
         let mut files = vec![self.begin(&partial, &done, |lines| &lines.results)?];
         if let Some(posteriors) = self.posteriors {
@@ -125,20 +134,24 @@ impl Run<'_> {
         workers::run(threads, |stop| {
             // A pool of its own, or its threads would do parts of other images while the clock of this one runs.
             let pool = ThreadPoolBuilder::new().num_threads(self.jobs.div_ceil(threads)).build()?;
-            while !stop.load(Ordering::Relaxed) {
-                let Some(&(image, wanted)) = missing.get(next.fetch_add(1, Ordering::Relaxed)) else { break };
-                let lines = pool
-                    .install(|| self.image(image, wanted, &models))
-                    .with_context(|| format!("scene {}, image {}", image.0, image.1))?;
-                let (lines, seconds) = lines;
-                let mut shared = shared.lock().unwrap_or_else(PoisonError::into_inner);
-                let (files, done, summary) = &mut *shared;
-                for (file, lines) in files.iter_mut().zip([&lines.results, &lines.posteriors]) {
-                    file.write_all(lines.concat().as_bytes()).with_context(|| cannot_write(&partial))?;
+            while let Some(sequence) = missing.get(next.fetch_add(1, Ordering::Relaxed)) {
+                let mut last = Last::default();
+                for &(image, wanted) in *sequence {
+                    if stop.load(Ordering::Relaxed) {
+                        return Ok(());
+                    }
+                    let (lines, seconds) = pool
+                        .install(|| self.image(image, wanted, &models, &mut last))
+                        .with_context(|| format!("scene {}, image {}", image.0, image.1))?;
+                    let mut shared = shared.lock().unwrap_or_else(PoisonError::into_inner);
+                    let (files, done, summary) = &mut *shared;
+                    for (file, lines) in files.iter_mut().zip([&lines.results, &lines.posteriors]) {
+                        file.write_all(lines.concat().as_bytes()).with_context(|| cannot_write(&partial))?;
+                    }
+                    summary.seconds += seconds;
+                    done.insert(image, lines);
+                    progress.advance(1);
                 }
-                summary.seconds += seconds;
-                done.insert(image, lines);
-                progress.advance(1);
             }
             Ok(())
         })?;
@@ -178,6 +191,7 @@ impl Run<'_> {
         (scene_id, im_id): (u32, u32),
         wanted: &Wanted,
         models: &HashMap<u32, Arc<ObjectModel>>,
+        last: &mut Last,
     ) -> Result<(Lines, f64)> {
         let bop = self.dataset.frame(scene_id, im_id)?;
         let frame = camera_frame(&bop);
@@ -188,10 +202,16 @@ impl Run<'_> {
         let seed = image_seed(self.seed, (scene_id, im_id));
         let began = Instant::now();
         let detections = self.boxes.of(&bop, &frame, &objects, seed)?;
-        let beliefs = self.estimator.estimate(&frame, &detections, &objects, seed)?;
+        let before: Vec<Option<PosePosterior>> =
+            objects.iter().map(|object| last.get_mut(&object.info.bop_id)?.pop_front()).collect();
+        let beliefs = self.estimator.follow(&before, &frame, &detections, &objects, seed)?;
         let seconds = began.elapsed().as_secs_f64();
         let mut lines = Lines::default();
+        last.clear();
         for (object, belief) in objects.iter().zip(beliefs) {
+            if self.track {
+                last.entry(object.info.bop_id).or_default().push_back(belief.clone());
+            }
             let obj_id = object.info.bop_id;
             let estimate = Estimate {
                 scene_id,
@@ -233,6 +253,15 @@ impl Run<'_> {
             let told = if self.posteriors.is_some() { lines.posteriors.len() } else { lines.results.len() };
             asked == Some(lines.results.len()) && asked == Some(told)
         });
+        // In the middle of a sequence what was believed is not at hand.
+        if self.track {
+            let whole = |scene: u32| {
+                let of_scene = || wanted.keys().filter(move |(of, _)| *of == scene);
+                of_scene().all(|image| done.contains_key(image))
+            };
+            let scenes: HashSet<u32> = done.keys().map(|(scene, _)| *scene).filter(|scene| whole(*scene)).collect();
+            done.retain(|(scene, _), _| scenes.contains(scene));
+        }
         Ok(done)
     }
 

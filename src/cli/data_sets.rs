@@ -187,6 +187,10 @@ pub struct EstimateArgs {
     /// Who estimates.
     #[arg(long, value_enum, default_value_t = EstimatorChoice::Grip)]
     pub estimator: EstimatorChoice,
+    /// Follow objects through each scene, whose images are a sequence in the order of their numbers: what is believed in one is
+    /// where to look in the next. (--resume goes on with whole scenes.)
+    #[arg(long)]
+    pub track: bool,
     /// Look for so many objects an image that are not in it, too, in boxes of others: `grip eval` then tells how well
     /// confidence tells present from absent ones.
     #[arg(long, value_name = "N", default_value_t = 0, value_parser = clap::value_parser!(u32).range(0..=100))]

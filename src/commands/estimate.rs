@@ -48,6 +48,8 @@ struct RunDescription<'a> {
     boxes_sha256: Option<&'a str>,
     /// The detector's, and what runs it.
     network: Option<String>,
+    /// Whether objects were followed from image to image.
+    track: bool,
     /// How many objects were looked for in each image that are not there.
     absent: u32,
     seed: u64,
@@ -68,6 +70,10 @@ pub fn run(args: &EstimateArgs) -> Result<Done> {
         kind == FrameEstimatorKind::Grip || args.hypotheses != Hypotheses::Gpu,
         "--hypotheses gpu: the paper's filter renders on the CPU only; leave it out, or use --estimator grip"
     );
+    anyhow::ensure!(
+        kind == FrameEstimatorKind::Grip || !args.track,
+        "--track: the paper's filter looks at one image at a time; leave it out, or use --estimator grip"
+    );
     let renderer = match kind {
         FrameEstimatorKind::Grip => HypothesisRenderer::open(args.hypotheses.into())?,
         _ => HypothesisRenderer::Cpu,
@@ -80,6 +86,7 @@ pub fn run(args: &EstimateArgs) -> Result<Done> {
         boxes: &args.boxes,
         boxes_sha256: boxes.sha256(),
         network: boxes.network(),
+        track: args.track,
         absent: args.absent,
         seed: args.seed,
         estimator: estimator.name(),
@@ -90,6 +97,7 @@ pub fn run(args: &EstimateArgs) -> Result<Done> {
         dataset: &dataset,
         boxes: &boxes,
         estimator: &*estimator,
+        track: args.track,
         absent: args.absent as usize,
         seed: args.seed,
         settings: serde_json::to_value(&described)?.to_string(),

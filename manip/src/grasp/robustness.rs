@@ -27,14 +27,16 @@ pub fn expected_success(
     if all <= 0.0 {
         return 1.0;
     }
+    // A coarse grid may meet a rounded corner on one side of its crown only, a fine one the edge of a box that closing pads
+    // would turn flush: what one of them holds is held.
     let holds = |pose: &Pose<World, Object>| {
         let object_from_gripper = pose.inverse() * *world_from_gripper;
-        pad_contact(surface, pad_half, object_from_gripper.iso(), opening, RayGrid::Coarse).is_some_and(
-            |contact| {
+        [RayGrid::Coarse, RayGrid::Fine].into_iter().any(|grid| {
+            pad_contact(surface, pad_half, object_from_gripper.iso(), opening, grid).is_some_and(|contact| {
                 let outer = 0.5 * contact.width + contact.center.abs();
                 contact.cone_angle <= cone && outer <= 0.5 * opening - AIR
-            },
-        )
+            })
+        })
     };
     poses.iter().filter(|(pose, _)| holds(pose)).map(|(_, weight)| weight).sum::<f64>() / all
 }

@@ -4,7 +4,7 @@ use grip_sim::pose::{Camera, Object, Pose};
 use nalgebra::Vector6;
 use rand::Rng;
 
-use super::places::{Place, trust};
+use super::places::Place;
 use super::settings::{GripSettings, ScoreSettings};
 use crate::model::Model;
 use crate::particles::{SearchResult, believed, typed};
@@ -41,8 +41,7 @@ pub(super) fn posterior(
     found.hypotheses += others.iter().map(|other| other.hypotheses).sum::<usize>();
     let mut modes: Vec<Mode> = Vec::new();
     for (places, share) in places.iter().zip(shares) {
-        let masses = masses(places, settings);
-        modes.extend(places.iter().zip(masses).map(|(place, mass)| {
+        modes.extend(places.iter().map(|place| {
             // Where too little is seen, all that is known before.
             let prior = || settings.uncertainty.prior();
             let covariance = place.fit.as_ref().map_or_else(prior, |fit| fit.covariance);
@@ -52,7 +51,7 @@ pub(super) fn posterior(
             Mode {
                 noise_m,
                 degrees_of_freedom,
-                ..Mode::new(pose, share * mass, place.best.score.into(), &covariance)
+                ..Mode::new(pose, share * place.mass, place.best.score.into(), &covariance)
             }
         }));
     }
@@ -70,18 +69,6 @@ pub(super) fn posterior(
     }
     belief.particles = drawn(&belief.modes, settings.uncertainty.particles, rng);
     belief
-}
-
-/// Masses of the places of one instance, which sum to 1: depth and colour, each weighed by what it is worth.
-fn masses(places: &[Place], settings: &GripSettings) -> Vec<f64> {
-    let Some(first) = places.first() else { return Vec::new() };
-    let trust = trust(first, settings);
-    let merit = |p: &Place| f64::from(trust * p.best.score + settings.colour.weight * p.agreement);
-    let best = places.iter().map(merit).fold(f64::MIN, f64::max);
-    let raw: Vec<f64> =
-        places.iter().map(|p| ((merit(p) - best) / settings.belief.temperature).exp()).collect();
-    let sum: f64 = raw.iter().sum();
-    raw.iter().map(|w| w / sum).collect()
 }
 
 /// `count` poses of equal weight, drawn from the modes by their masses; the first is the best pose itself.

@@ -1,6 +1,5 @@
-//! The estimator `grip`: every object searched, then all looked at together, then colour.
+//! The estimator `grip`: every object searched or followed, then all looked at together, then each with its colours.
 
-use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -12,19 +11,20 @@ use rayon::prelude::*;
 use super::belief::posterior;
 use super::colour::{self, Picture};
 use super::joint::{self, Joint, Searched};
-use super::places::places;
-use super::proposal::box_priors;
+use super::places::{places, places_at};
+use super::proposal::{BoxPrior, box_priors};
 use super::search::Search;
 use super::settings::GripSettings;
-use crate::detector::{Detection, Detections};
+use super::track::Prior;
+use crate::detector::Detections;
 use crate::error::{Error, Result};
 use crate::estimator::PoseEstimator;
 use crate::frame::check_frame;
-use crate::hypotheses::HypothesisRenderer;
+use crate::hypotheses::{Hypotheses, HypothesisRenderer};
 use crate::model::{Model, ModelCache, stream};
 use crate::observation::Observation;
 use crate::particles::{closed, nothing};
-use crate::posterior::{ColourVerdict, PosePosterior};
+use crate::posterior::PosePosterior;
 use crate::workspace::Workspace;
 
 /// The particle filter over rendered 6-D pose hypotheses.
@@ -75,23 +75,6 @@ impl GripEstimator {
     pub fn settings(&self) -> &GripSettings {
         &self.settings
     }
-
-    fn search(
-        &self,
-        model: &Model,
-        observation: &Observation,
-        boxes: &[Detection],
-        seed: u64,
-        stream: &str,
-    ) -> Result<Searched> {
-        let start = Instant::now();
-        let boxes = box_priors(boxes, observation, &self.settings.proposal);
-        let mut rng = rng::stream(seed, stream);
-        let mut renderer = self.renderer.session();
-        let search = Search::new(model, observation, &boxes, &self.settings, &mut *renderer);
-        let found = search.traced(self.traced).run(&mut rng)?;
-        Ok((found, start.elapsed().as_secs_f64()))
-    }
 }
 
 impl PoseEstimator for GripEstimator {
@@ -106,113 +89,152 @@ impl PoseEstimator for GripEstimator {
         objects: &[Arc<ObjectModel>],
         seed: u64,
     ) -> Result<Vec<PosePosterior>> {
+        self.follow(&vec![None; objects.len()], frame, detections, objects, seed)
+    }
+
+    fn follow(
+        &self,
+        before: &[Option<PosePosterior>],
+        frame: &CameraFrame,
+        detections: &Detections,
+        objects: &[Arc<ObjectModel>],
+        seed: u64,
+    ) -> Result<Vec<PosePosterior>> {
         check_frame(frame)?;
-        let GripSettings { search, polish, near_symmetry, joint, .. } = &self.settings;
+        let GripSettings { search, polish, near_symmetry, joint, proposal, .. } = &self.settings;
         let mut counts: Vec<usize> = search.levels.iter().map(|l| l.triangles).collect();
         counts.extend([polish.triangles, near_symmetry.triangles, joint::TRIANGLES]);
         let models = self.models.all(objects, &counts)?;
         let observation = Observation::new(frame, &self.settings.observation, self.workspace.as_ref());
-        let stream = |i: usize| stream("grip", &models, i);
-        let mut results: Vec<Searched> = (0..models.len())
+        let boxes = models.par_iter().map(|model| box_priors(detections.of(&model.name), &observation, proposal));
+        let boxes = boxes.collect();
+        let picture = if self.settings.colour.enabled { Picture::new(frame) } else { None };
+        let look = Look { estimator: self, models, observation, boxes, picture, seed };
+        let all = 0..look.models.len();
+        let (mut results, mut priors): (Vec<Searched>, Vec<Prior>) = all
             .into_par_iter()
-            .map(|i| {
-                let boxes = detections.of(&models[i].name);
-                self.search(&models[i], &observation, boxes, seed, &stream(i))
-            })
-            .collect::<Result<_>>()?;
+            .map(|i| look.found(i, before.get(i).and_then(Option::as_ref)))
+            .collect::<Result<Vec<_>>>()?
+            .into_iter()
+            .unzip();
         if joint.enabled {
             let search = |i: usize, seen: &Observation| {
-                let boxes = detections.of(&models[i].name);
-                self.search(&models[i], seen, boxes, seed, &format!("{}/again", stream(i)))
+                let boxes = box_priors(detections.of(&look.models[i].name), seen, proposal);
+                look.searched(i, seen, &boxes, "/again")
             };
-            let (models, observation, settings) = (&models, &observation, &self.settings);
+            let (models, observation, settings) = (&look.models, &look.observation, &self.settings);
             Joint { models, observation, settings, search }.settle(&mut results, joint)?;
+            // What was searched for again is not where it was.
+            for (prior, (found, _)) in priors.iter_mut().zip(&results) {
+                if found.as_ref().is_none_or(|found| !prior.holds(&found.best.pose)) {
+                    prior.enough = false;
+                }
+            }
         }
-        let picture = if self.settings.colour.enabled { Picture::new(frame) } else { None };
-        let picture = picture.as_ref();
-        let colours = self.look_at_colours(picture, &models, &observation, detections, &mut results)?;
-        let terms = self.explained(&models, &observation, detections, &results)?;
-        let beliefs = self.believed(picture, &models, &observation, detections, results, seed)?;
-        let explained = colours.into_iter().zip(terms);
-        Ok(beliefs
-            .into_iter()
-            .zip(explained)
-            .map(|(belief, (colour, terms))| closed(PosePosterior { colour, terms, ..belief }))
-            .collect())
+        let results = results.into_par_iter().zip(priors).enumerate();
+        let before = |i: usize| before.get(i).and_then(Option::as_ref);
+        results.map(|(i, (found, prior))| look.believed(i, found, &prior, before(i)).map(closed)).collect()
     }
 }
 
-impl GripEstimator {
-    /// Where else each object may be, and how far off.
+/// A frame, ready to be looked at.
+struct Look<'a> {
+    estimator: &'a GripEstimator,
+    models: Vec<Arc<Model>>,
+    observation: Observation,
+    /// Of each object.
+    boxes: Vec<Vec<BoxPrior>>,
+    picture: Option<Picture>,
+    seed: u64,
+}
+
+impl Look<'_> {
+    /// Object number `i` as it is found on its own, and what is known of it from before.
+    fn found(&self, i: usize, before: Option<&PosePosterior>) -> Result<(Searched, Prior)> {
+        let start = Instant::now();
+        let mut prior = Prior::default();
+        // Of several instances it is not known which is which.
+        let alone = self.estimator.settings.joint.instances < 2;
+        if let Some(before) = before.filter(|_| alone) {
+            let mut renderer = self.estimator.renderer.session();
+            let mut search = self.search(i, &mut *renderer);
+            let mut rng = rng::stream(self.seed, &format!("{}/follow", stream("grip", &self.models, i)));
+            prior = Prior::new(before, &mut search, &mut rng)?;
+            if let Some(first) = prior.modes.first().filter(|_| prior.enough) {
+                let population = prior.modes.iter().map(|mode| mode.best).collect();
+                let found = search.result(first.best, population);
+                return Ok(((Some(found), start.elapsed().as_secs_f64()), prior));
+            }
+        }
+        let (mut found, _) = self.searched(i, &self.observation, &self.boxes[i], "")?;
+        if let Some(found) = &mut found {
+            prior.added_to(found);
+        }
+        Ok(((found, start.elapsed().as_secs_f64()), prior))
+    }
+
+    /// Object number `i` searched for; `again` sets the random numbers of a second search apart.
+    fn searched(
+        &self,
+        i: usize,
+        observation: &Observation,
+        boxes: &[BoxPrior],
+        again: &str,
+    ) -> Result<Searched> {
+        let start = Instant::now();
+        let mut rng = rng::stream(self.seed, &format!("{}{again}", stream("grip", &self.models, i)));
+        let mut renderer = self.estimator.renderer.session();
+        let search =
+            Search::new(&self.models[i], observation, boxes, &self.estimator.settings, &mut *renderer);
+        let found = search.traced(self.estimator.traced).run(&mut rng)?;
+        Ok((found, start.elapsed().as_secs_f64()))
+    }
+
+    fn search<'a>(&'a self, i: usize, renderer: &'a mut dyn Hypotheses) -> Search<'a> {
+        Search::new(&self.models[i], &self.observation, &self.boxes[i], &self.estimator.settings, renderer)
+    }
+
+    /// What is believed of object number `i`: lets colour decide between poses that depth cannot tell apart, then asks where else it
+    /// may be, and how far off. One that is only followed is where it was, at one of its modes.
     fn believed(
         &self,
-        picture: Option<&Picture>,
-        models: &[Arc<Model>],
-        observation: &Observation,
-        detections: &Detections,
-        results: Vec<Searched>,
-        seed: u64,
-    ) -> Result<Vec<PosePosterior>> {
-        let believed = |(i, (found, seconds)): (usize, Searched)| {
-            let model = &*models[i];
-            let Some(found) = found else { return Ok(nothing(model, seconds)) };
-            let start = Instant::now();
-            let boxes = box_priors(detections.of(&model.name), observation, &self.settings.proposal);
-            let mut renderer = self.renderer.session();
-            let mut search = Search::new(model, observation, &boxes, &self.settings, &mut *renderer);
+        i: usize,
+        (found, seconds): Searched,
+        prior: &Prior,
+        before: Option<&PosePosterior>,
+    ) -> Result<PosePosterior> {
+        let model = &*self.models[i];
+        let Some(mut found) = found else { return Ok(nothing(model, seconds)) };
+        let start = Instant::now();
+        let Self { observation, estimator: GripEstimator { settings, .. }, .. } = self;
+        let picture = self.picture.as_ref();
+        let mut renderer = self.estimator.renderer.session();
+        let mut search = self.search(i, &mut *renderer);
+        let (mut places, colour) = if prior.enough {
+            let poses = prior.modes.iter().map(|mode| mode.best);
+            let places = places_at(model, poses, observation, picture, settings);
+            (vec![places], before.and_then(|before| before.colour))
+        } else {
+            let decide = |picture| {
+                colour::decide(model, &mut found, observation, picture, &mut search, &settings.colour)
+            };
+            let verdict = picture.and_then(decide).transpose()?;
             let places = std::iter::once(&found)
                 .chain(&found.others)
                 .map(|found| places(model, found, observation, picture, &mut search))
                 .collect::<Result<Vec<_>>>()?;
-            let mut rng = rng::stream(seed, &format!("{}/posterior", stream("grip", models, i)));
-            let mut belief = posterior(model, found, &places, seconds, &self.settings, &mut rng);
-            belief.seconds += start.elapsed().as_secs_f64();
-            Ok(belief)
+            (places, verdict)
         };
-        results.into_par_iter().enumerate().map(believed).collect()
-    }
-}
-
-impl GripEstimator {
-    /// Lets colour decide between poses that depth cannot tell apart.
-    fn look_at_colours(
-        &self,
-        picture: Option<&Picture>,
-        models: &[Arc<Model>],
-        observation: &Observation,
-        detections: &Detections,
-        results: &mut [Searched],
-    ) -> Result<Vec<Option<ColourVerdict>>> {
-        let settings = &self.settings.colour;
-        let decided = |(model, (found, seconds)): (&Arc<Model>, &mut Searched)| {
-            let (Some(picture), Some(found)) = (picture, found) else { return Ok(None) };
-            let start = Instant::now();
-            let boxes = box_priors(detections.of(&model.name), observation, &self.settings.proposal);
-            let mut renderer = self.renderer.session();
-            let mut search = Search::new(model, observation, &boxes, &self.settings, &mut *renderer);
-            let verdict = colour::decide(model, found, observation, picture, &mut search, settings);
-            *seconds += start.elapsed().as_secs_f64();
-            verdict.transpose()
-        };
-        models.par_iter().zip(results).map(decided).collect()
-    }
-}
-
-impl GripEstimator {
-    /// What the terms of the score give to each best pose.
-    fn explained(
-        &self,
-        models: &[Arc<Model>],
-        observation: &Observation,
-        detections: &Detections,
-        results: &[Searched],
-    ) -> Result<Vec<BTreeMap<String, f64>>> {
-        let terms = |(model, (found, _)): (&Arc<Model>, &Searched)| {
-            let Some(found) = found else { return Ok(BTreeMap::new()) };
-            let boxes = box_priors(detections.of(&model.name), observation, &self.settings.proposal);
-            let mut renderer = self.renderer.session();
-            Search::new(model, observation, &boxes, &self.settings, &mut *renderer).terms(&found.best.pose)
-        };
-        models.par_iter().zip(results).map(terms).collect()
+        if let Some(places) = places.first_mut() {
+            prior.remembered_by(places, model, &settings.track);
+            if let Some(first) = places.first() {
+                found.best = first.best;
+            }
+        }
+        let terms = search.terms(&found.best.pose)?;
+        let mut rng = rng::stream(self.seed, &format!("{}/posterior", stream("grip", &self.models, i)));
+        let seconds = seconds + start.elapsed().as_secs_f64();
+        let belief = posterior(model, found, &places, seconds, settings, &mut rng);
+        Ok(PosePosterior { colour, terms, followed: prior.frames, ..belief })
     }
 }

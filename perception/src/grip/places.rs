@@ -23,6 +23,23 @@ pub(super) struct Place {
     pub agreement: f32,
     /// `None` where too little is seen.
     pub fit: Option<Fit>,
+    /// Its share of the masses of an instance's places.
+    pub mass: f64,
+}
+
+impl Place {
+    fn new(
+        model: &Model,
+        best: ScoredPose,
+        observation: &Observation,
+        picture: Option<&Picture>,
+        settings: &GripSettings,
+    ) -> Self {
+        let agreement =
+            picture.and_then(|p| colour::agreement(model, &best.pose, observation, p, &settings.colour));
+        let fit = Fit::new(model, &best.pose, observation, settings.polish.triangles, &settings.uncertainty);
+        Self { best, agreement: agreement.unwrap_or(0.0).max(0.0), fit, mass: 0.0 }
+    }
 }
 
 /// A pose is as good as lost when its mass would be exp(-this) of the best one's.
@@ -37,17 +54,12 @@ pub(super) fn places(
     search: &mut Search<'_>,
 ) -> Result<Vec<Place>> {
     let settings = search.settings();
-    let place = |best: ScoredPose| {
-        let agreement =
-            picture.and_then(|p| colour::agreement(model, &best.pose, observation, p, &settings.colour));
-        let fit = Fit::new(model, &best.pose, observation, settings.polish.triangles, &settings.uncertainty);
-        Place { best, agreement: agreement.unwrap_or(0.0).max(0.0), fit }
-    };
+    let place = |best: ScoredPose| Place::new(model, best, observation, picture, settings);
     let first = place(found.best);
     let mut places = vec![first.clone()];
     let mut poses = candidates(model, found, settings);
     if poses.is_empty() {
-        return Ok(places);
+        return Ok(weighed(places, settings));
     }
     // A rough look first: most turns explain the image far worse.
     let near = &settings.near_symmetry;
@@ -73,11 +85,35 @@ pub(super) fn places(
             places.push(place(other));
         }
     }
-    Ok(places)
+    Ok(weighed(places, settings))
+}
+
+/// The places at these poses, and no others.
+pub(super) fn places_at(
+    model: &Model,
+    poses: impl Iterator<Item = ScoredPose>,
+    observation: &Observation,
+    picture: Option<&Picture>,
+    settings: &GripSettings,
+) -> Vec<Place> {
+    weighed(poses.map(|pose| Place::new(model, pose, observation, picture, settings)).collect(), settings)
+}
+
+/// With masses that sum to 1: depth and colour, each weighed by what it is worth.
+fn weighed(mut places: Vec<Place>, settings: &GripSettings) -> Vec<Place> {
+    let Some(first) = places.first() else { return places };
+    let trust = trust(first, settings);
+    let merit = |p: &Place| f64::from(trust * p.best.score + settings.colour.weight * p.agreement);
+    let best = places.iter().map(merit).fold(f64::MIN, f64::max);
+    let raw: Vec<f64> =
+        places.iter().map(|p| ((merit(p) - best) / settings.belief.temperature).exp()).collect();
+    let sum: f64 = raw.iter().sum();
+    places.iter_mut().zip(raw).for_each(|(place, raw)| place.mass = raw / sum);
+    places
 }
 
 /// How far differences of the depth score are to be believed at a place.
-pub(super) fn trust(place: &Place, settings: &GripSettings) -> f32 {
+fn trust(place: &Place, settings: &GripSettings) -> f32 {
     settings.colour.trust(place.fit.as_ref().map_or(0.0, |fit| fit.noise_m))
 }
 
@@ -95,7 +131,7 @@ fn candidates(model: &Model, found: &SearchResult, settings: &GripSettings) -> V
 }
 
 /// Whether two poses are of one mode: near each other, and not turned but about the axis of a body of revolution.
-fn same(model: &Model, a: &Isometry3<f32>, b: &Isometry3<f32>) -> bool {
+pub(super) fn same(model: &Model, a: &Isometry3<f32>, b: &Isometry3<f32>) -> bool {
     /// Radians, and share of the object's radius.
     const TURN: f32 = 0.3;
     const SHIFT: f32 = 0.25;

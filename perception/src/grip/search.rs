@@ -87,7 +87,7 @@ impl<'a> Search<'a> {
     }
 
     /// The stride of a level for this object.
-    fn stride(&self, level: &SearchLevel) -> Stride {
+    pub fn stride(&self, level: &SearchLevel) -> Stride {
         let mut stride = level.stride;
         while let Some(finer) = stride.finer()
             && self.side_px / (stride.pixels() as f32) < self.settings.search.least_side_px
@@ -129,17 +129,21 @@ impl<'a> Search<'a> {
             self.trace.answer(self.rendered, &best.pose);
         }
         population.sort_by(|a, b| b.score.total_cmp(&a.score));
-        let trace = self.trace.take();
-        Ok(Some(SearchResult {
+        Ok(Some(SearchResult { restarts: ends.len(), agreeing, ..self.result(best, population) }))
+    }
+
+    /// `best` and `population` as found by one search that is sure.
+    pub fn result(&mut self, best: ScoredPose, population: Vec<ScoredPose>) -> SearchResult {
+        SearchResult {
             best,
             population,
             others: Vec::new(),
-            restarts: ends.len(),
-            agreeing,
+            restarts: 1,
+            agreeing: 2,
             hypotheses: self.rendered,
             box_confidence: self.boxes.iter().filter(|b| !b.vague).map(|b| b.confidence).fold(0.0, f64::max),
-            trace,
-        }))
+            trace: self.trace.take(),
+        }
     }
 
     /// One pass through the levels and the polish; the survivors, best first.

@@ -8,6 +8,7 @@ mod near_symmetry;
 mod proposal;
 mod score;
 mod search;
+mod track;
 mod uncertainty;
 
 use schemars::JsonSchema;
@@ -20,6 +21,7 @@ pub use self::near_symmetry::NearSymmetrySettings;
 pub use self::proposal::ProposalSettings;
 pub use self::score::ScoreSettings;
 pub use self::search::{PolishSettings, RestartSettings, SearchLevel, SearchSettings};
+pub use self::track::TrackSettings;
 pub use self::uncertainty::UncertaintySettings;
 
 use crate::checks::{Checked, part};
@@ -52,6 +54,8 @@ pub struct GripSettings {
     pub uncertainty: UncertaintySettings,
     /// What scores are worth as probabilities.
     pub belief: BeliefSettings,
+    /// How objects are followed from frame to frame.
+    pub track: TrackSettings,
 }
 
 impl GripSettings {
@@ -70,6 +74,7 @@ impl GripSettings {
         part("joint", self.joint.validate())?;
         part("colour", self.colour.validate())?;
         part("uncertainty", self.uncertainty.validate())?;
-        part("belief", self.belief.validate())
+        part("belief", self.belief.validate())?;
+        part("track", self.track.validate())
     }
 }
