@@ -35,8 +35,8 @@ pub mod workbench;
 mod workspace;
 
 pub use detector::{
-    ClusterSettings, Clusters, Detection, Detections, Detector, DetectorDescription, DetectorSettings,
-    HeatMap, HeatMaps, KnownObject, Providers, PyramidCnn, PyramidSettings, WholeImage,
+    BuiltInNetwork, ClusterSettings, Clusters, Detection, Detections, Detector, DetectorDescription,
+    DetectorSettings, HeatMap, HeatMaps, KnownObject, Providers, PyramidCnn, PyramidSettings, WholeImage,
 };
 pub use error::{Error, Result};
 pub use estimator::PoseEstimator;

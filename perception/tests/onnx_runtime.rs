@@ -9,7 +9,7 @@
 use std::path::PathBuf;
 use std::process::Command;
 
-use grip_perception::{Providers, PyramidCnn};
+use grip_perception::{BuiltInNetwork, Providers, PyramidCnn};
 use grip_sim::images::RgbImage;
 
 /// What the two may differ by.
@@ -18,7 +18,7 @@ const TOLERANCE: f32 = 1e-4;
 const OUT: &str = "GRIP_TEST_HEATMAPS";
 
 fn heatmaps() -> (String, Vec<f32>) {
-    let network = PyramidCnn::built_in(&Providers::default()).unwrap();
+    let network = PyramidCnn::built_in(BuiltInNetwork::default(), &Providers::default()).unwrap();
     let picture = RgbImage::from_fn(320, 240, |u, v| {
         let inside = (f64::from(u) - 130.0).hypot(f64::from(v) - 120.0) < 40.0;
         image::Rgb(if inside { [200, 40, 30] } else { [(u / 3) as u8, 120, (v / 2) as u8] })

@@ -4,9 +4,9 @@
     pip install -r perception/train/requirements.txt
     python perception/train/train.py --out runs/training
 
-makes runs/training/{scenes,test,checkpoint.pt,curve.csv} and pyramid.onnx, pyramid.json and pyramid.md beside them; copied to
-perception/models they become the built-in detector. A run that was stopped goes on where it was. Less than two hours on two cores;
-a GPU is used where torch finds one. With --ycb (or GRIP_YCB_DIR) it trains on scanned objects, too, as the shipped one did.
+makes runs/training/{scenes,test,checkpoint.pt,curve.csv} and pyramid-varied.onnx, .json and .md beside them (--learn-from base:
+pyramid-base); copied to perception/models they become a built-in detector. A run that was stopped goes on where it was. Less than
+two hours on two cores; a GPU is used where torch finds one. With --ycb (or GRIP_YCB_DIR) it trains on scanned objects, too, as the shipped one did.
 """
 
 import argparse
@@ -131,15 +131,15 @@ def train(folders, out, crops, seed):
     return network
 
 
-def export(network, out, models):
-    """pyramid.onnx and pyramid.json, what `grip --detector-model` takes; `models` is a BOP folder of models."""
+def export(network, path, learnt_from, models):
+    """An ONNX file at `path` and its description, what `grip --detector-model` takes; `models` is a BOP folder of models."""
     facts = json.loads((models / "models_info.json").read_text())
     model = Exported(network.cpu().to(memory_format=torch.contiguous_format)).eval()
     cells = {2: "rows", 3: "columns"}
     torch.onnx.export(
         model,
         torch.zeros(1, 3, CROP, CROP),
-        out / "pyramid.onnx",
+        path,
         input_names=["image"],
         output_names=["classes", "shapes"],
         dynamic_axes={"image": {2: "height", 3: "width"}, "classes": cells, "shapes": cells},
@@ -148,7 +148,7 @@ def export(network, out, models):
     )
     description = {
         "schema": "grip.detector/1",
-        "name": "vgg16-w0.25",
+        "name": f"vgg16-w0.25-{learnt_from}",
         "objects": [
             {"name": name, "bop_id": identity, "diameter_m": round(facts[str(identity)]["diameter"] / 1000, 4)}
             for name, identity in objects()
@@ -157,7 +157,7 @@ def export(network, out, models):
         "stride_px": STRIDE,
         "side_px": SIDE,
     }
-    (out / "pyramid.json").write_text(json.dumps(description, indent=2) + "\n")
+    path.with_suffix(".json").write_text(json.dumps(description, indent=2) + "\n")
 
 
 def main():
@@ -174,16 +174,16 @@ def main():
     arguments.out.mkdir(parents=True, exist_ok=True)
     folders = make_scenes(arguments.out / "scenes", arguments.learn_from, arguments.ycb, arguments.scenes_share)
     network = train(folders, arguments.out, arguments.crops, arguments.seed)
-    export(network, arguments.out, folders[0] / "models")
-    model = arguments.out / "pyramid.onnx"
+    model = arguments.out / f"pyramid-{arguments.learn_from}.onnx"
+    export(network, model, arguments.learn_from, folders[0] / "models")
     measured = {"Built-in objects": (BUILT_IN_TEST, None)} | ({"Scanned objects": (SCANNED_TEST, arguments.ycb)} if arguments.ycb else {})
     measured = {
         name: (seed, card.measure(ROOT, arguments.out / "test", model, name.split()[0].lower(), seed, scanned))
         for name, (seed, scanned) in measured.items()
     }
     images = {folder.name: len(read([folder])) for folder in folders}
-    card.write(arguments.out / "pyramid.md", model, objects(), images, arguments.crops, arguments.seed, arguments.out / "curve.csv", measured)
-    print(f"wrote {model}, pyramid.json and pyramid.md")
+    card.write(model.with_suffix(".md"), model, arguments.learn_from, objects(), images, arguments.crops, arguments.seed, arguments.out / "curve.csv", measured)
+    print(f"wrote {model}, its description (.json) and its page (.md)")
 
 
 if __name__ == "__main__":

@@ -118,8 +118,7 @@ impl Run<'_> {
         let images = wanted.len() - done.len();
         let missing: Vec<((u32, u32), &Wanted)> =
             wanted.iter().filter(|(image, _)| !done.contains_key(*image)).map(|(i, w)| (*i, w)).collect();
-        let together =
-            |a: &((u32, u32), &Wanted), b: &((u32, u32), &Wanted)| self.track && a.0.0 == b.0.0;
+        let together = |a: &((u32, u32), &Wanted), b: &((u32, u32), &Wanted)| self.track && a.0.0 == b.0.0;
         let missing: Vec<&[((u32, u32), &Wanted)]> = missing.chunk_by(together).collect();
         progress.begin(wanted.len() as u64, done.len() as u64);
         let mut summary = Estimated { images, kept: done.len(), ..Estimated::default() };
@@ -259,7 +258,8 @@ impl Run<'_> {
                 let of_scene = || wanted.keys().filter(move |(of, _)| *of == scene);
                 of_scene().all(|image| done.contains_key(image))
             };
-            let scenes: HashSet<u32> = done.keys().map(|(scene, _)| *scene).filter(|scene| whole(*scene)).collect();
+            let scenes: HashSet<u32> =
+                done.keys().map(|(scene, _)| *scene).filter(|scene| whole(*scene)).collect();
             done.retain(|(scene, _), _| scenes.contains(scene));
         }
         Ok(done)

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use clap::{Args, ValueEnum};
 use grip::benchmark::FrameEstimatorKind;
 use grip::dataset::DatasetOptions;
-use grip::estimators::NetworkOptions;
+use grip::estimators::{NetworkChoice, NetworkOptions};
 use grip_perception::Providers;
 
 use super::{Hypotheses, SceneArgs, SettingsFile};
@@ -119,9 +119,10 @@ pub enum Format {
 /// Which network the detector `pyramid` is.
 #[derive(Debug, Args)]
 pub struct DetectorArgs {
-    /// Another network for the detector: an ONNX file with a description of the same name beside it (.json).
-    #[arg(long, value_name = "ONNX")]
-    pub detector_model: Option<PathBuf>,
+    /// The detector's network: `varied`, trained on every light, heaps and other cameras; `base`, on what the paper trains on;
+    /// or an ONNX file with a description of the same name beside it (.json) [default: varied].
+    #[arg(long, value_name = "varied|base|ONNX")]
+    pub detector_model: Option<NetworkChoice>,
     /// Execution providers of the native ONNX Runtime that ORT_DYLIB_PATH names, in order: cpu, cuda, tensorrt, rocm,
     /// openvino, directml, coreml, xnnpack. Without ORT_DYLIB_PATH networks run in tract, which is built in.
     #[arg(long, value_name = "LIST", value_delimiter = ',')]

@@ -88,7 +88,7 @@ fn default_folder(args: &PackArgs, setup: &Setup) -> PathBuf {
         parts.push(detector.name().into());
     }
     if let Some(model) = &args.network.detector_model {
-        parts.push(model.file_stem().unwrap_or_default().to_string_lossy().into_owned());
+        parts.push(model.label());
     }
     if setup.library.set() != &ObjectSet::BuiltIn {
         parts.push(setup.library.set().label().into());

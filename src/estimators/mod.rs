@@ -6,12 +6,13 @@
 mod grip;
 mod recorded;
 
+use std::convert::Infallible;
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 use std::sync::Arc;
 
 use anyhow::{Result, ensure};
-use grip_perception::{PosePosterior, Providers, PyramidCnn, PyramidSettings};
+use grip_perception::{BuiltInNetwork, PosePosterior, Providers, PyramidCnn, PyramidSettings};
 use grip_sim::frame::CameraFrame;
 use grip_sim::objects::ObjectModel;
 use grip_sim::pose::{Camera, Pose, World};
@@ -180,11 +181,39 @@ impl DetectorKind {
     }
 }
 
+/// A network for the detector `pyramid`.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum NetworkChoice {
+    /// `base` or `varied`.
+    BuiltIn(BuiltInNetwork),
+    /// An ONNX file with a description of the same name beside it (.json).
+    File(PathBuf),
+}
+
+impl NetworkChoice {
+    /// Of which folders and reports are named.
+    pub fn label(&self) -> String {
+        match self {
+            Self::BuiltIn(which) => which.name().to_owned(),
+            Self::File(path) => path.file_stem().unwrap_or_default().to_string_lossy().into_owned(),
+        }
+    }
+}
+
+impl FromStr for NetworkChoice {
+    type Err = Infallible;
+
+    fn from_str(text: &str) -> Result<Self, Infallible> {
+        let built_in = BuiltInNetwork::ALL.into_iter().find(|which| which.name() == text);
+        Ok(built_in.map_or_else(|| Self::File(text.into()), Self::BuiltIn))
+    }
+}
+
 /// Which network the detector `pyramid` is, and what it runs on.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct NetworkOptions {
-    /// An ONNX file with a description of the same name beside it (.json); the built-in one where none is given.
-    pub model: Option<PathBuf>,
+    /// The built-in default where none is given.
+    pub model: Option<NetworkChoice>,
     /// Execution providers of a native ONNX Runtime.
     pub providers: Providers,
 }
@@ -196,8 +225,9 @@ impl NetworkOptions {
     /// When a file is wrong, a provider is not there, or a setting out of range.
     pub fn open(&self, settings: &PyramidSettings) -> Result<PyramidCnn> {
         let network = match &self.model {
-            Some(path) => PyramidCnn::open(path, &self.providers)?,
-            None => PyramidCnn::built_in(&self.providers)?,
+            Some(NetworkChoice::File(path)) => PyramidCnn::open(path, &self.providers)?,
+            Some(NetworkChoice::BuiltIn(which)) => PyramidCnn::built_in(*which, &self.providers)?,
+            None => PyramidCnn::built_in(BuiltInNetwork::default(), &self.providers)?,
         };
         Ok(network.with_settings(settings.clone())?)
     }

@@ -117,7 +117,7 @@ fn what_is_wrong_is_said_by_name() {
     let at = |name: &str| text(&folder.path().join(name)).to_owned();
     std::fs::write(at("text.png"), "no picture").unwrap();
     std::fs::write(at("model.onnx"), "no network").unwrap();
-    std::fs::copy(root().join("perception/models/pyramid.json"), at("model.json")).unwrap();
+    std::fs::copy(root().join("perception/models/pyramid-varied.json"), at("model.json")).unwrap();
     image::RgbImage::new(4, 4).save(at("tiny.png")).unwrap();
     image::RgbImage::new(128, 128).save(at("black.png")).unwrap();
     let cases: [(&[&str], &[&str]); 9] = [

@@ -54,7 +54,7 @@ fn files_keep_to_their_schemas() {
     let settings = folder.path().join("settings.toml");
     std::fs::write(&settings, tour.run(&["settings"])).unwrap();
     tour.has("settings", &settings);
-    tour.has("detector", &root().join("perception/models/pyramid.json"));
+    tour.has("detector", &root().join("perception/models/pyramid-varied.json"));
 
     tour.prints("objects", &["objects"]);
     tour.prints("robot", &["robot"]);

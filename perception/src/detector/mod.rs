@@ -9,7 +9,8 @@ mod whole_image;
 pub use self::clusters::{ClusterSettings, Clusters};
 pub use self::detections::{Detection, Detections, Detector};
 pub use self::pyramid::{
-    DetectorDescription, HeatMap, HeatMaps, KnownObject, Providers, PyramidCnn, PyramidSettings,
+    BuiltInNetwork, DetectorDescription, HeatMap, HeatMaps, KnownObject, Providers, PyramidCnn,
+    PyramidSettings,
 };
 pub use self::settings::DetectorSettings;
 pub use self::whole_image::WholeImage;

@@ -106,7 +106,8 @@ impl PoseEstimator for GripEstimator {
         counts.extend([polish.triangles, near_symmetry.triangles, joint::TRIANGLES]);
         let models = self.models.all(objects, &counts)?;
         let observation = Observation::new(frame, &self.settings.observation, self.workspace.as_ref());
-        let boxes = models.par_iter().map(|model| box_priors(detections.of(&model.name), &observation, proposal));
+        let boxes =
+            models.par_iter().map(|model| box_priors(detections.of(&model.name), &observation, proposal));
         let boxes = boxes.collect();
         let picture = if self.settings.colour.enabled { Picture::new(frame) } else { None };
         let look = Look { estimator: self, models, observation, boxes, picture, seed };

@@ -26,7 +26,8 @@ pub use self::colour::ColourEvidence;
 pub use self::estimator::GripEstimator;
 pub use self::settings::{
     BeliefSettings, ColourSettings, GripSettings, JointSettings, NearSymmetrySettings, PolishSettings,
-    ProposalSettings, RestartSettings, ScoreSettings, SearchLevel, SearchSettings, TrackSettings, UncertaintySettings,
+    ProposalSettings, RestartSettings, ScoreSettings, SearchLevel, SearchSettings, TrackSettings,
+    UncertaintySettings,
 };
 
 #[cfg(test)]

@@ -97,11 +97,7 @@ impl Prior {
 }
 
 /// The modes of `before` that have some mass, where they fit now, each found among hypotheses about where it was.
-fn followed(
-    before: &PosePosterior,
-    search: &mut Search<'_>,
-    rng: &mut impl Rng,
-) -> Result<Vec<Followed>> {
+fn followed(before: &PosePosterior, search: &mut Search<'_>, rng: &mut impl Rng) -> Result<Vec<Followed>> {
     let (model, settings) = (search.model(), search.settings());
     // Beside the first no mode has the best pose but the wide one, which is nowhere.
     let placed = |i: usize, mode: &Mode| i == 0 || mode.pose != before.best;
@@ -114,9 +110,16 @@ fn followed(
         .collect();
     let sum: f64 = kept.iter().map(|mode| mode.mass).sum();
     let mut modes: Vec<Followed> = Vec::new();
+    // How the object has moved, by the mode that fits best so far.
+    let mut motion: Option<(f32, Isometry3<f32>)> = None;
     for mode in kept {
-        let pose = search.about(&mode.pose.iso().cast(), rng)?;
+        let old: Isometry3<f32> = mode.pose.iso().cast();
+        let starts = std::iter::once(old).chain(motion.map(|(_, motion)| motion * old));
+        let pose = search.about(starts.collect(), rng)?;
         let best = search.polished(vec![pose])?[0];
+        if motion.is_none_or(|(score, _)| best.score > score) {
+            motion = Some((best.score, best.pose * old.inverse()));
+        }
         let mass = mode.mass / sum;
         match modes.iter_mut().find(|mode| same(model, &mode.best.pose, &best.pose)) {
             Some(known) => known.mass += mass,
@@ -127,18 +130,17 @@ fn followed(
 }
 
 impl Search<'_> {
-    /// The best of hypotheses about `pose`, moved and weighed as in the finer levels of a search.
-    fn about(&mut self, pose: &Isometry3<f32>, rng: &mut impl Rng) -> Result<Isometry3<f32>> {
+    /// The best of hypotheses about the last of `poses`, and these, moved and weighed as in the levels of a search after the first.
+    fn about(&mut self, mut poses: Vec<Isometry3<f32>>, rng: &mut impl Rng) -> Result<Isometry3<f32>> {
         let (model, settings) = (self.model(), self.settings());
         let TrackSettings { samples, motion_m, motion_rad, .. } = settings.track;
-        let moved = |_| {
+        let about = poses[poses.len() - 1];
+        poses.resize_with(samples.max(poses.len()), || {
             let by = Vector3::from_fn(|_, _| StandardNormal.sample(rng)) * motion_m;
             let turn = small_rotation(motion_rad, rng);
-            Isometry3::from_parts((pose.translation.vector + by).into(), turn * pose.rotation)
-        };
-        let mut poses: Vec<Isometry3<f32>> = std::iter::once(*pose).chain((1..samples).map(moved)).collect();
-        let finer = settings.search.levels.len().saturating_sub(2);
-        for level in &settings.search.levels[finer..] {
+            Isometry3::from_parts((about.translation.vector + by).into(), turn * about.rotation)
+        });
+        for level in settings.search.levels.iter().skip(1) {
             let batch = Batch {
                 lod: model.lod(level.triangles),
                 stride: self.stride(level),

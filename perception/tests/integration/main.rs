@@ -6,6 +6,7 @@ mod joint;
 mod real_frame;
 mod robust;
 mod synthetic;
+mod track;
 
 use grip_perception::metrics;
 use grip_sim::objects::ObjectModel;

@@ -47,7 +47,7 @@ impl DetectorDescription {
     pub(super) fn parse(text: &str, file: &str) -> Result<Self> {
         let bad = |message: String| Err(Error::Detector(format!("{file}: {message}")));
         let read: Self = serde_json::from_str(text).map_err(|e| {
-            Error::Detector(format!("{file}: {e}; perception/models/pyramid.json shows the format"))
+            Error::Detector(format!("{file}: {e}; perception/models/pyramid-varied.json shows the format"))
         })?;
         if read.schema != Self::SCHEMA {
             return bad(format!("schema = {:?}: this program reads {:?}", read.schema, Self::SCHEMA));

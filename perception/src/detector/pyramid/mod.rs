@@ -5,8 +5,9 @@
 //! A cell's position, its level's size and the aspect ratio are a box, the object's probability is its confidence; see
 //! [`HeatMaps`].
 //!
-//! The network is an ONNX file, run by ort: by tract, in Rust, unless `ORT_DYLIB_PATH` names a native ONNX Runtime. The one
-//! that is built in is `perception/models/pyramid.onnx`; how it was made is in `perception/models/pyramid.md`.
+//! The network is an ONNX file, run by ort: by tract, in Rust, unless `ORT_DYLIB_PATH` names a native ONNX Runtime. Two are built
+//! in ([`BuiltInNetwork`]): `perception/models/pyramid-base.onnx` and `pyramid-varied.onnx`; the pages beside them say how they
+//! were made and what they are worth.
 
 mod description;
 mod heatmaps;
@@ -37,8 +38,42 @@ use crate::error::{Error, Result};
 use crate::frame::check_frame;
 use runtime::Network;
 
-static MODEL: &[u8] = include_bytes!("../../../models/pyramid.onnx");
-static DESCRIPTION: &str = include_str!("../../../models/pyramid.json");
+/// The networks that are built in. They differ in the pictures that they were trained on.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub enum BuiltInNetwork {
+    /// What the paper trains on: objects apart from each other, in base light.
+    Base,
+    /// Every light, heaps, things that are no objects, and another camera for each picture.
+    #[default]
+    Varied,
+}
+
+impl BuiltInNetwork {
+    /// Both.
+    pub const ALL: [Self; 2] = [Self::Base, Self::Varied];
+
+    /// As on the command line.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Base => "base",
+            Self::Varied => "varied",
+        }
+    }
+
+    /// The ONNX file and its description.
+    fn files(self) -> (&'static [u8], &'static str) {
+        match self {
+            Self::Base => (
+                include_bytes!("../../../models/pyramid-base.onnx"),
+                include_str!("../../../models/pyramid-base.json"),
+            ),
+            Self::Varied => (
+                include_bytes!("../../../models/pyramid-varied.onnx"),
+                include_str!("../../../models/pyramid-varied.json"),
+            ),
+        }
+    }
+}
 
 /// The first stage of GRIP.
 #[derive(Debug)]
@@ -49,13 +84,15 @@ pub struct PyramidCnn {
 }
 
 impl PyramidCnn {
-    /// The network that is built in.
+    /// A network that is built in.
     ///
     /// # Errors
     /// When the runtime cannot be started: `ORT_DYLIB_PATH` names no ONNX Runtime, or a provider is not there.
-    pub fn built_in(providers: &Providers) -> Result<Self> {
-        let description = DetectorDescription::parse(DESCRIPTION, "the built-in detector")?;
-        let network = Network::load(MODEL, "the built-in detector", &description, providers)?;
+    pub fn built_in(which: BuiltInNetwork, providers: &Providers) -> Result<Self> {
+        let (model, description) = which.files();
+        let shown = format!("the built-in detector `{}`", which.name());
+        let description = DetectorDescription::parse(description, &shown)?;
+        let network = Network::load(model, &shown, &description, providers)?;
         Ok(Self { description: Arc::new(description), network, settings: PyramidSettings::default() })
     }
 
@@ -72,7 +109,7 @@ impl PyramidCnn {
         let beside = path.with_extension("json");
         let text = std::fs::read_to_string(&beside).map_err(|e| {
             Error::Detector(format!(
-                "{}: {e}; a detector needs its description beside it, as perception/models/pyramid.json is",
+                "{}: {e}; a detector needs its description beside it, as perception/models/pyramid-varied.json is",
                 beside.display()
             ))
         })?;

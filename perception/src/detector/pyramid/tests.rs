@@ -5,12 +5,15 @@ use grip_sim::images::RgbImage;
 use super::*;
 use crate::detector::detections::iou;
 
+static MODEL: &[u8] = include_bytes!("../../../models/pyramid-varied.onnx");
+static DESCRIPTION: &str = include_str!("../../../models/pyramid-varied.json");
+
 fn description() -> DetectorDescription {
     DetectorDescription::parse(DESCRIPTION, "test").unwrap()
 }
 
 fn network() -> PyramidCnn {
-    PyramidCnn::built_in(&Providers::default()).unwrap()
+    PyramidCnn::built_in(BuiltInNetwork::default(), &Providers::default()).unwrap()
 }
 
 /// An image with something in it.
@@ -217,6 +220,6 @@ fn providers_need_a_native_runtime() {
         return;
     }
     let asked = Providers(vec!["cuda".into()]);
-    let error = PyramidCnn::built_in(&asked).unwrap_err().to_string();
+    let error = PyramidCnn::built_in(BuiltInNetwork::default(), &asked).unwrap_err().to_string();
     assert!(error.contains("cuda") && error.contains("ORT_DYLIB_PATH"), "{error}");
 }

@@ -15,9 +15,9 @@ pub struct TrackSettings {
     pub most_drop: f64,
     /// After so many frames it is searched for in any case, beside where it is believed to be, 1 to 100000 (10).
     pub search_again: usize,
-    /// Hypotheses of each mode, 1 to 1000 (8): its pose, and others about it.
+    /// Hypotheses of each mode, 1 to 1000 (24): its pose, and others about it; half of them at each finer level.
     pub samples: usize,
-    /// Standard deviation of what an object moves by between two frames, in each direction, metres, 0 to 1 (0.003),
+    /// Standard deviation of what an object moves by between two frames, in each direction, metres, 0 to 1 (0.01),
     pub motion_m: f32,
     /// and turns by, as the camera sees it, radians, 0 to 3 (0.03).
     pub motion_rad: f32,
@@ -34,8 +34,8 @@ impl Default for TrackSettings {
             least_confidence: 0.5,
             most_drop: 0.05,
             search_again: 10,
-            samples: 8,
-            motion_m: 0.003,
+            samples: 24,
+            motion_m: 0.01,
             motion_rad: 0.03,
             memory: 20,
             least_mass: 0.001,
