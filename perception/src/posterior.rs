@@ -170,6 +170,29 @@ impl PosePosterior {
         }
     }
 
+    /// The same as seen by a camera that has moved; `to_from_here` is the new camera's frame from this one.
+    #[must_use]
+    pub fn seen_from(&self, to_from_here: &Pose<Camera, Camera>) -> Self {
+        let turn = to_from_here.iso().rotation.to_rotation_matrix();
+        let mut both = Matrix6::zeros();
+        both.fixed_view_mut::<3, 3>(0, 0).copy_from(turn.matrix());
+        both.fixed_view_mut::<3, 3>(3, 3).copy_from(turn.matrix());
+        let mode = |mode: &Mode| {
+            let covariance = both * mode.covariance() * both.transpose();
+            Mode {
+                pose: *to_from_here * mode.pose,
+                covariance: std::array::from_fn(|i| std::array::from_fn(|j| covariance[(i, j)])),
+                ..mode.clone()
+            }
+        };
+        Self {
+            best: *to_from_here * self.best,
+            particles: self.particles.iter().map(|(pose, w)| (*to_from_here * *pose, *w)).collect(),
+            modes: self.modes.iter().map(mode).collect(),
+            ..self.clone()
+        }
+    }
+
     /// At most `count` of the particles that stand for all: drawn at even steps of the summed weights, in their order, each
     /// with its share of the steps. All of them, weights and all, when there are no more.
     pub fn thinned(&self, count: usize) -> Vec<(Pose<Camera, Object>, f64)> {
@@ -256,6 +279,29 @@ mod tests {
         let certain = PosePosterior::certain("can", Pose::identity());
         let text = serde_json::to_string(&certain).unwrap();
         assert_eq!(serde_json::from_str::<PosePosterior>(&text).unwrap(), certain);
+    }
+
+    #[test]
+    fn a_moved_camera_sees_the_same_belief() {
+        let pose = Pose::from_xyz_rpy([0.1, 0.2, 0.9], [0.3, -0.2, 0.5]);
+        let covariance = Matrix6::from_diagonal(&Vector6::new(1e-6, 4e-6, 9e-6, 1e-4, 4e-4, 9e-4));
+        let posterior = PosePosterior {
+            modes: vec![Mode::new(pose, 1.0, 0.7, &covariance)],
+            ..PosePosterior::certain("can", pose)
+        };
+        // A quarter turn about the optical axis swaps what was along x and y.
+        let by =
+            Pose::<Camera, Camera>::from_xyz_rpy([0.0, 0.0, 0.1], [0.0, 0.0, std::f64::consts::FRAC_PI_2]);
+        let seen = posterior.seen_from(&by);
+        let diagonal = seen.modes[0].covariance().diagonal();
+        assert!((diagonal - Vector6::new(4e-6, 1e-6, 9e-6, 4e-4, 1e-4, 9e-4)).norm() < 1e-12, "{diagonal}");
+        assert!((seen.best.translation() - nalgebra::Vector3::new(-0.2, 0.1, 1.0)).norm() < 1e-12);
+        // A displacement is as likely from there: turned with it.
+        let off = posterior.modes[0].displaced(&Vector6::new(1e-3, 0.0, 0.0, 0.0, 0.02, 0.0));
+        let there = seen.modes[0].displacement(&(by * off));
+        assert!((there - Vector6::new(0.0, 1e-3, 0.0, -0.02, 0.0, 0.0)).norm() < 1e-9, "{there}");
+        let back = seen.seen_from(&by.inverse());
+        assert!((back.best.translation() - pose.translation()).norm() < 1e-12);
     }
 
     #[test]

@@ -4,7 +4,8 @@ use std::sync::Arc;
 
 use anyhow::{Context, Result};
 use grip_perception::{
-    Clusters, Detection, Detections, Detector, GripEstimator, PoseEstimator, WholeImage, Workspace,
+    Clusters, Detection, Detections, Detector, GripEstimator, PoseEstimator, PosePosterior, WholeImage,
+    Workspace,
 };
 use grip_sim::frame::CameraFrame;
 use grip_sim::objects::ObjectModel;
@@ -21,8 +22,10 @@ pub struct Grip {
     detector: Box<dyn Detector>,
     /// The network that the detector runs, with its fingerprint.
     network: Option<String>,
-    /// The second stage over the table.
+    /// The second stage over the table,
     table: GripEstimator,
+    /// and whether it follows objects from look to look.
+    follow: bool,
     /// The same over the inside of the bin, and where that is.
     bin: GripEstimator,
     bin_space: Workspace,
@@ -52,7 +55,8 @@ impl Grip {
             DetectorKind::Clusters => Box::new(Clusters::new(settings.clusters.clone())?.within(table)),
             DetectorKind::None => Box::new(WholeImage),
         };
-        Ok(Self { detector, network: name, table: over(&table)?, bin: over(&bin_space)?, bin_space })
+        let (table, bin, follow) = (over(&table)?, over(&bin_space)?, setup.settings.belief.follow);
+        Ok(Self { detector, network: name, table, follow, bin, bin_space })
     }
 
     /// The part of the image that shows the inside of the bin, as the one box for each of `models`.
@@ -84,12 +88,25 @@ impl Grip {
     }
 }
 
+/// What was believed at the last look of each object that is asked for, as the camera sees it from where it is now.
+fn known_before(look: &Look<'_>) -> Vec<Option<PosePosterior>> {
+    let cameras = look.cameras;
+    let Some(last) = cameras.len().checked_sub(2).map(|i| cameras[i]) else {
+        return vec![None; look.asked.len()];
+    };
+    let now_from_last = look.frame.world_from_camera.inverse() * last;
+    let of = |asked: &usize| look.before.iter().find(|(i, _)| i == asked);
+    look.asked.iter().map(|asked| Some(of(asked)?.1.seen_from(&now_from_last))).collect()
+}
+
 impl Perception for Grip {
     fn look(&self, look: &Look<'_>) -> Result<Estimates> {
         let models = look.asked_models();
         let boxes = self.detector.detect(look.frame, &models).context("detector")?;
         let seed = rng::seed(look.seed, &format!("filter/{}", look.number()));
-        let posteriors = self.table.estimate(look.frame, &boxes, &models, seed).context("estimator")?;
+        let before = if self.follow { known_before(look) } else { vec![None; look.asked.len()] };
+        let posteriors =
+            self.table.follow(&before, look.frame, &boxes, &models, seed).context("estimator")?;
         Ok(look.asked.iter().copied().zip(posteriors).collect())
     }
 

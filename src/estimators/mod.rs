@@ -30,6 +30,8 @@ pub struct Look<'a> {
     pub frame: &'a CameraFrame,
     /// Where the camera was at each look until now, this one last.
     pub cameras: &'a [Pose<World, Camera>],
+    /// What was believed at the last look, as the camera saw it from there; nothing at the first.
+    pub before: &'a Estimates,
     /// The trial's objects.
     pub models: &'a [Arc<ObjectModel>],
     /// Those whose poses are asked for, positions in `models`.

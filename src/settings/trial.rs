@@ -44,6 +44,9 @@ impl TrialSettings {
 pub struct BeliefSettings {
     /// Below this confidence an estimate is no target, only an obstacle; 0 to 1. Default 0.25.
     pub least_confidence: f64,
+    /// Whether what was believed at one look is where to look in the next; else each look is as if it were the first. Default
+    /// false.
+    pub follow: bool,
     /// Poses of the posterior that a grasp is tried at; 1 to 10000. Default 32: more change no choice.
     pub poses: usize,
     /// An item in the bin is not believed to have moved farther than this from where it was put, metres; 0 to 1. Default 0.12.
@@ -54,7 +57,7 @@ pub struct BeliefSettings {
 
 impl Default for BeliefSettings {
     fn default() -> Self {
-        Self { least_confidence: 0.25, poses: 32, moved_in_bin_m: 0.12, over_bin_m: 0.1 }
+        Self { least_confidence: 0.25, follow: false, poses: 32, moved_in_bin_m: 0.12, over_bin_m: 0.1 }
     }
 }
 

@@ -109,6 +109,8 @@ pub struct Trial<'a> {
     records: Vec<ItemRecord>,
     /// Where the camera was at each look.
     cameras: Vec<Pose<WorldFrame, Camera>>,
+    /// What was believed at the last one.
+    before: Estimates,
     joints: JointLog,
     film: Film<'a>,
     looks: Vec<LookPictures>,
@@ -210,6 +212,7 @@ impl<'a> Trial<'a> {
             world,
             records: vec![ItemRecord::default(); most],
             cameras: Vec::new(),
+            before: Estimates::new(),
             joints: JointLog::default(),
             looks: Vec::new(),
             handled: None,
@@ -263,13 +266,14 @@ impl<'a> Trial<'a> {
             let again = self.estimate(&frame, &inside, true)?;
             self.correct_places(&frame, &again);
         }
+        self.before.clone_from(&estimates);
         Ok(Seen { frame, asked, estimates, errors })
     }
 
     /// What the estimator says of the objects `asked`, on the table or in the bin.
     fn estimate(&self, frame: &CameraFrame, asked: &[usize], in_bin: bool) -> Result<Estimates> {
-        let Self { setup, cameras, world, .. } = self;
-        let look = Look { frame, cameras, models: &setup.models, asked, seed: setup.seed };
+        let Self { setup, cameras, before, world, .. } = self;
+        let look = Look { frame, cameras, before, models: &setup.models, asked, seed: setup.seed };
         match self.estimator {
             Estimator::Perception(perception) if in_bin => perception.look_into_bin(&look),
             Estimator::Perception(perception) => perception.look(&look),

@@ -213,6 +213,8 @@ impl Look<'_> {
         let mut search = self.search(i, &mut *renderer);
         let (mut places, colour) = if prior.enough {
             let poses = prior.modes.iter().map(|mode| mode.best);
+            // One mode has all the mass, whatever it looks like.
+            let picture = picture.filter(|_| prior.modes.len() > 1);
             let places = places_at(model, poses, observation, picture, settings);
             (vec![places], before.and_then(|before| before.colour))
         } else {
