@@ -18,6 +18,8 @@ pub struct HeadCamera {
     pub intrinsics: Intrinsics,
     /// How its colour and depth differ from the true ones.
     pub sensors: Sensors,
+    /// From where the robot believes it to be to where it is.
+    calibration_error: Pose<Camera, Camera>,
     furniture: Furniture,
     bounce: Bounce,
     /// Of the run.
@@ -34,14 +36,15 @@ impl HeadCamera {
         let furniture = render::furniture(&scene.fixtures(), scene.surroundings, seed);
         let bounce = Bounce::of(&scene.table, furniture.table_albedo);
         let intrinsics = scene.camera.intrinsics.intrinsics();
-        Ok(Self { intrinsics, sensors, furniture, bounce, seed })
+        let calibration_error = calibration_error(scene, seed);
+        Ok(Self { intrinsics, sensors, calibration_error, furniture, bounce, seed })
     }
 
     /// The same camera in a run with another seed.
     pub fn with_seed(&self, scene: &Scene, seed: u64) -> Self {
         let furniture = render::furniture(&scene.fixtures(), scene.surroundings, seed);
         let bounce = Bounce::of(&scene.table, furniture.table_albedo);
-        Self { furniture, bounce, seed, ..self.clone() }
+        Self { calibration_error: calibration_error(scene, seed), furniture, bounce, seed, ..self.clone() }
     }
 
     /// Everything there is to see, as it stands now.
@@ -51,7 +54,8 @@ impl HeadCamera {
         view
     }
 
-    /// Takes a picture. `shot` numbers the pictures of a run, so that each has noise of its own.
+    /// Takes a picture; `world_from_camera` is where the robot believes the camera to be, and what the frame says. `shot` numbers
+    /// the pictures of a run, so that each has noise of its own.
     ///
     /// # Errors
     /// When the renderer fails.
@@ -64,14 +68,22 @@ impl HeadCamera {
         shot: usize,
     ) -> Result<(CameraFrame, Rendering)> {
         let mut random = rng::stream(self.seed, &format!("sensor/{shot}"));
-        Ok(sensor::capture(
+        let (frame, rendering) = sensor::capture(
             renderer,
             &self.view(world),
             condition,
             &self.intrinsics,
-            world_from_camera,
+            &(*world_from_camera * self.calibration_error),
             &self.sensors,
             &mut random,
-        )?)
+        )?;
+        Ok((CameraFrame { world_from_camera: *world_from_camera, ..frame }, rendering))
     }
+}
+
+/// That of a run with `seed`.
+fn calibration_error(scene: &Scene, seed: u64) -> Pose<Camera, Camera> {
+    let error = &scene.camera.calibration_error;
+    // Not through the identity's arithmetic, which need not be exact.
+    if error.is_none() { Pose::identity() } else { error.draw(&mut rng::stream(seed, "calibration")) }
 }

@@ -114,7 +114,7 @@ impl Scene {
         each("robot.yaw", &[robot.yaw], -7.0, 7.0)?;
         each("robot.torso", &[robot.torso], 0.0, 1.0)?;
         each("robot.look_at", &robot.look_at, -10.0, 10.0)?;
-        if let Some(problem) = self.camera.sphere.problem() {
+        if let Some(problem) = self.camera.problem() {
             return Err(problem);
         }
         each("table.center", &table.center, -10.0, 10.0)?;
