@@ -227,7 +227,14 @@ impl NetworkOptions {
     /// When a file is wrong, a provider is not there, or a setting out of range.
     pub fn open(&self, settings: &PyramidSettings) -> Result<PyramidCnn> {
         let network = match &self.model {
-            Some(NetworkChoice::File(path)) => PyramidCnn::open(path, &self.providers)?,
+            Some(NetworkChoice::File(path)) => {
+                let shown = path.display();
+                ensure!(
+                    path.exists(),
+                    "--detector-model {shown}: no such file; give varied, base or an ONNX file"
+                );
+                PyramidCnn::open(path, &self.providers)?
+            }
             Some(NetworkChoice::BuiltIn(which)) => PyramidCnn::built_in(*which, &self.providers)?,
             None => PyramidCnn::built_in(BuiltInNetwork::default(), &self.providers)?,
         };

@@ -105,6 +105,16 @@ fn a_picture_has_boxes_and_heat_maps() {
     // One picture with boxes and one an object, four in a row.
     let drawn = image::open(&sheet).unwrap();
     assert_eq!((drawn.width(), drawn.height()), (4 * 326 - 6, 6 * 246 - 6));
+    // Two networks are built in.
+    let by = |model: &str| -> Value {
+        let output = grip(&[&args[..], &["--detector-model", model]].concat());
+        assert_eq!(code(&output), 0, "{}", stderr(&output));
+        serde_json::from_str(&stdout(&output)).unwrap()
+    };
+    let (varied, base) = (by("varied"), by("base"));
+    assert!(base["network"].as_str().unwrap().contains("base"), "{}", base["network"]);
+    assert_eq!(varied["boxes"], said["boxes"]);
+    assert_ne!(base["boxes"], said["boxes"]);
     // The same on any number of threads.
     let again = grip_on_threads(&args, Some(1));
     let again: Value = serde_json::from_str(&stdout(&again)).unwrap();
@@ -120,12 +130,13 @@ fn what_is_wrong_is_said_by_name() {
     std::fs::copy(root().join("perception/models/pyramid-varied.json"), at("model.json")).unwrap();
     image::RgbImage::new(4, 4).save(at("tiny.png")).unwrap();
     image::RgbImage::new(128, 128).save(at("black.png")).unwrap();
-    let cases: [(&[&str], &[&str]); 9] = [
+    let cases: [(&[&str], &[&str]); 10] = [
         (&["missing.png"], &["missing.png"]),
         (&["text.png"], &["text.png"]),
         (&["tiny.png"], &["4x4"]),
         (&["black.png", "--detector-model", "model.onnx"], &["model.onnx"]),
         (&["black.png", "--detector-model", "none.onnx"], &["none.onnx"]),
+        (&["black.png", "--detector-model", "paper"], &["paper", "varied, base or"]),
         (&["black.png", "--providers", "cuda"], &["cuda", "ORT_DYLIB_PATH"]),
         (&["black.png", "--least-confidence", "2"], &["--least-confidence", "2"]),
         (&["black.png", "--heatmaps", "no/a.png"], &["no/a.png"]),

@@ -97,6 +97,7 @@ fn poses_are_the_same_on_any_number_of_threads_and_after_a_stop_and_their_errors
     assert_eq!(poses(&one), poses(&two));
 
     posteriors_are_written_and_held_against_the_truth(&set, &one);
+    a_scene_is_tracked_as_a_whole(&set, &one);
 
     // The truth has no error, and a shift is its own ADD.
     let given = folder.path().join("given.csv");
@@ -186,6 +187,46 @@ fn poses_are_the_same_on_any_number_of_threads_and_after_a_stop_and_their_errors
         assert!(stderr(&output).contains(expected), "{text}: {}", stderr(&output));
         assert!(!out.exists());
     }
+}
+
+/// `one` are the poses of the same run without tracking.
+fn a_scene_is_tracked_as_a_whole(set: &Path, one: &Path) {
+    let folder = one.parent().unwrap();
+    let [out, again] = ["track.csv", "track2.csv"].map(|name| folder.join(name));
+    let run = |out: &Path, more: &[&str]| {
+        let [set, out] = [set, out].map(|path| path.to_str().unwrap());
+        grip(&[&["estimate", set, "--boxes", "gt", "--track", "--out", out, "--json"], more].concat())
+    };
+    let output = run(&out, &["--jobs", "1"]);
+    assert_eq!(code(&output), 0, "{}", stderr(&output));
+    let summary: serde_json::Value = serde_json::from_str(&stdout(&output)).unwrap();
+    assert_eq!(summary["settings"]["track"], true);
+    assert_eq!(code(&run(&again, &["--jobs", "2"])), 0);
+    assert_eq!(poses(&out), poses(&again));
+    // The first image is like any; what lies elsewhere in the second is found there all the same.
+    let of = |path: &Path, image: &str| -> Vec<String> {
+        poses(path).into_iter().filter(|line| line.starts_with(image)).collect()
+    };
+    assert_eq!(of(&out, "1,0,"), of(one, "1,0,"));
+    assert!(!of(&out, "1,1,").is_empty());
+    let json = eval(set, &out, &[]);
+    assert!(json["all"]["auc_adds"][0].as_f64().unwrap() > 0.8, "{}", json["all"]);
+
+    // Stopped after the first image: what was believed there is gone, so the scene begins anew.
+    let text = std::fs::read_to_string(&out).unwrap();
+    let first: String =
+        text.lines().filter(|line| line.starts_with("1,0,")).map(|line| format!("{line}\n")).collect();
+    let partial = folder.join("track2.csv.partial");
+    std::fs::write(&partial, format!("# {}\n{first}", summary["settings"])).unwrap();
+    let output = run(&again, &["--resume"]);
+    assert_eq!(code(&output), 0, "{}", stderr(&output));
+    let resumed: serde_json::Value = serde_json::from_str(&stdout(&output)).unwrap();
+    assert_eq!((&resumed["images"], &resumed["kept"]), (&2.into(), &0.into()));
+    assert_eq!(poses(&out), poses(&again));
+
+    let output = run(&again, &["--estimator", "paper"]);
+    assert_eq!(code(&output), 2);
+    assert!(stderr(&output).contains("--track"), "{}", stderr(&output));
 }
 
 /// `one` are the poses of the same run without them.
