@@ -108,6 +108,11 @@ impl Boxes {
         }
     }
 
+    /// Whether it takes long to find them.
+    pub fn are_detected(&self) -> bool {
+        matches!(self, Self::Pyramid(_) | Self::Clusters(_))
+    }
+
     /// SHA-256 of the file that they are from, if they are.
     pub fn sha256(&self) -> Option<&str> {
         match self {

@@ -79,6 +79,7 @@ pub fn run(args: &EstimateArgs) -> Result<Done> {
         _ => HypothesisRenderer::Cpu,
     };
     let hypotheses = renderer.to_string();
+    let again = settings.perception.grip.track.search_again;
     let (estimator, settings) = frame_estimator(kind, &settings, renderer, false)?;
     let described = RunDescription {
         dataset: &args.dataset,
@@ -97,7 +98,7 @@ pub fn run(args: &EstimateArgs) -> Result<Done> {
         dataset: &dataset,
         boxes: &boxes,
         estimator: &*estimator,
-        track: args.track,
+        track: args.track.then_some(again),
         absent: args.absent as usize,
         seed: args.seed,
         settings: serde_json::to_value(&described)?.to_string(),
