@@ -66,7 +66,8 @@ pub fn run(args: &RenderArgs) -> Result<Done> {
         intrinsics: frame.intrinsics,
         depth_scale_m: 0.001,
         depth_noise: &setup.cell.scene.camera.depth_noise,
-        world_from_camera: frame.world_from_camera,
+        // Beside the true poses of the objects.
+        world_from_camera: setup.camera.true_pose(&frame.world_from_camera),
         labels,
     };
     run.write("rgb.png", pictures::rgb_png(&frame.rgb)?)?;

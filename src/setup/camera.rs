@@ -54,6 +54,11 @@ impl HeadCamera {
         view
     }
 
+    /// Where the camera is that the robot believes to be at `world_from_camera`; not for perception.
+    pub fn true_pose(&self, world_from_camera: &Pose<WorldFrame, Camera>) -> Pose<WorldFrame, Camera> {
+        *world_from_camera * self.calibration_error
+    }
+
     /// Takes a picture; `world_from_camera` is where the robot believes the camera to be, and what the frame says. `shot` numbers
     /// the pictures of a run, so that each has noise of its own.
     ///
@@ -73,7 +78,7 @@ impl HeadCamera {
             &self.view(world),
             condition,
             &self.intrinsics,
-            &(*world_from_camera * self.calibration_error),
+            &self.true_pose(world_from_camera),
             &self.sensors,
             &mut random,
         )?;
@@ -83,7 +88,5 @@ impl HeadCamera {
 
 /// That of a run with `seed`.
 fn calibration_error(scene: &Scene, seed: u64) -> Pose<Camera, Camera> {
-    let error = &scene.camera.calibration_error;
-    // Not through the identity's arithmetic, which need not be exact.
-    if error.is_none() { Pose::identity() } else { error.draw(&mut rng::stream(seed, "calibration")) }
+    scene.camera.calibration_error.draw(&mut rng::stream(seed, "calibration"))
 }
