@@ -50,6 +50,7 @@ pub mod estimators;
 pub mod experiment;
 pub mod explain;
 mod html;
+mod matching;
 pub mod pictures;
 pub mod plot;
 pub mod progress;

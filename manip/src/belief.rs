@@ -36,8 +36,6 @@ pub struct BelievedObject {
     pub model: Arc<ObjectModel>,
     /// Best pose.
     pub world_from_object: Pose<World, Object>,
-    /// Poses that it may have, with weights; none where the best one is all that is known.
-    pub poses: Vec<(Pose<World, Object>, f64)>,
     /// Spread of the position, metres (one standard deviation).
     pub position_std_m: f64,
     /// Confidence of the estimate, 0 to 1.
@@ -53,7 +51,6 @@ impl BelievedObject {
             name: model.info.name.clone(),
             model,
             world_from_object,
-            poses: Vec::new(),
             position_std_m: 0.0,
             confidence: 1.0,
             packed: false,
@@ -76,11 +73,7 @@ impl BelievedObject {
         if !(-1e-9..=1.0 + 1e-9).contains(&self.confidence) {
             return Some(format!("{name}: confidence is {}, not within 0 to 1", self.confidence));
         }
-        let usable = |(pose, weight): &(Pose<World, Object>, f64)| {
-            pose.is_finite() && *weight >= 0.0 && weight.is_finite()
-        };
-        let k = self.poses.iter().position(|pose| !usable(pose))?;
-        Some(format!("{name}: poses[{k}] is not finite, or its weight {} is no weight", self.poses[k].1))
+        None
     }
 }
 
@@ -188,8 +181,6 @@ mod tests {
         assert!(said.contains("position_std_m is -0.1"), "{said}");
         let said = problem(&|o| o.confidence = f64::NAN);
         assert!(said.contains("confidence is NaN"), "{said}");
-        let said = problem(&|o| o.poses = vec![(at, 1.0), (at, -0.5)]);
-        assert!(said.contains("poses[1]") && said.contains("-0.5"), "{said}");
         let said = problem(&|o| o.world_from_object = Pose::from_xyz_rpy([f64::NAN, 0.0, 0.7], [0.0; 3]));
         assert!(said.contains("world_from_object"), "{said}");
     }

@@ -328,12 +328,12 @@ mod tests {
     #[test]
     fn any_part_can_be_given_alone_and_the_rest_stays_as_it_is() {
         let text = "[planner.free_margins]\nworld = 0.02\n[planner.near_margins]\nown = 0.001\n[planner.rrt]\nstep = 0.5\n\
-                    [planner.grasp]\nat = \"best\"\n[executor]\nslip_limit = 0.02\n";
+                    [planner.grasp]\nkeep = 20\n[executor]\nslip_limit = 0.02\n";
         let mut expected = Tree::default();
         expected.planner.free_margins.world = 0.02;
         expected.planner.near_margins.own = 0.001;
         expected.planner.rrt.step = 0.5;
-        expected.planner.grasp.at = crate::grasp::GraspAt::Best;
+        expected.planner.grasp.keep = 20;
         expected.executor.slip_limit = 0.02;
         assert_eq!(toml::from_str::<Tree>(text).unwrap(), expected);
         for unknown in ["[planner.free_margins]\nwords = 0.02", "[planner.grasp.weights]\nluck = 1.0"] {

@@ -70,7 +70,6 @@ pub(crate) fn standing(model: &Arc<ObjectModel>, x: f64, y: f64, yaw: f64) -> Be
         name: model.info.name.clone(),
         model: model.clone(),
         world_from_object: Pose::from_xyz_rpy([x, y, 0.65 - model.min.z], [0.0, 0.0, yaw]),
-        poses: Vec::new(),
         position_std_m: 0.002,
         confidence: 0.9,
         packed: false,

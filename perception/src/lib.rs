@@ -50,5 +50,5 @@ pub use observation::ObservationSettings;
 pub use paper::{Centre, Holes, PaperEstimator, PaperSettings, Ranking};
 pub use posterior::{ColourVerdict, Mode, PosePosterior, TracePoint};
 pub use settings::PerceptionSettings;
-pub use support::{Footprint, Plane, Support, SupportSettings, fit_support_plane};
+pub use support::{Footprint, Plane, Support, SupportSettings, Supports};
 pub use workspace::Workspace;

@@ -192,28 +192,6 @@ impl PosePosterior {
             ..self.clone()
         }
     }
-
-    /// At most `count` of the particles that stand for all: drawn at even steps of the summed weights, in their order, each
-    /// with its share of the steps. All of them, weights and all, when there are no more.
-    pub fn thinned(&self, count: usize) -> Vec<(Pose<Camera, Object>, f64)> {
-        if self.particles.len() <= count {
-            return self.particles.clone();
-        }
-        let all: f64 = self.particles.iter().map(|(_, weight)| weight).sum();
-        let mut kept: Vec<(Pose<Camera, Object>, f64)> = Vec::new();
-        let (mut sum, mut step) = (0.0, 0);
-        for (pose, weight) in &self.particles {
-            sum += weight;
-            let first = step;
-            while step < count && (step as f64 + 0.5) / count as f64 * all < sum {
-                step += 1;
-            }
-            if step > first {
-                kept.push((*pose, (step - first) as f64 / count as f64));
-            }
-        }
-        kept
-    }
 }
 
 /// What colour had to say about a pose.
@@ -302,20 +280,5 @@ mod tests {
         assert!((there - Vector6::new(0.0, 1e-3, 0.0, -0.02, 0.0, 0.0)).norm() < 1e-9, "{there}");
         let back = seen.seen_from(&by.inverse());
         assert!((back.best.translation() - pose.translation()).norm() < 1e-12);
-    }
-
-    #[test]
-    fn thinned_particles_keep_the_weights_of_places() {
-        let mut posterior = PosePosterior::certain("can", Pose::identity());
-        let at = |x: f64| Pose::from_xyz_rpy([x, 0.0, 1.0], [0.0; 3]);
-        posterior.particles =
-            (0..100).map(|i| (at(f64::from(i / 50)), if i < 50 { 0.015 } else { 0.005 })).collect();
-        let kept = posterior.thinned(20);
-        assert!(kept.len() <= 20);
-        let share = |x: f64| -> f64 {
-            kept.iter().filter(|(p, _)| (p.translation().x - x).abs() < 0.5).map(|(_, w)| w).sum()
-        };
-        assert!((share(0.0) - 0.75).abs() < 1e-9 && (share(1.0) - 0.25).abs() < 1e-9);
-        assert_eq!(posterior.thinned(100), posterior.particles);
     }
 }

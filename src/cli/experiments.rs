@@ -14,7 +14,7 @@ use grip::experiment::sweep::errors::Axis;
 use grip::experiment::sweep::{ErrorPattern, SweepOptions};
 use grip::setup::{GROCERY, SetupOptions};
 
-use super::{Detector, DetectorArgs, GraspAt, Renderer, RobotFile, SettingsFile};
+use super::{Detector, DetectorArgs, Renderer, RobotFile, SettingsFile};
 
 /// `grip trials`.
 #[derive(Debug, Args)]
@@ -39,9 +39,6 @@ pub struct TrialsArgs {
     pub detector: Detector,
     #[command(flatten)]
     pub network: DetectorArgs,
-    /// Whether grasps are scored at the best pose alone or over the posterior [default: the settings', else posterior].
-    #[arg(long, value_enum)]
-    pub grasp_at: Option<GraspAt>,
     /// Folder of grasps to use instead of those that are found.
     #[arg(long, value_name = "DIR")]
     pub grasps: Option<PathBuf>,
@@ -173,10 +170,7 @@ pub enum Strategy {
 impl TrialsArgs {
     /// What the library makes an experiment of.
     pub fn options(&self) -> Result<TrialsOptions> {
-        let mut settings = self.settings.load()?;
-        if let Some(at) = self.grasp_at {
-            settings.planner.grasp.at = at.into();
-        }
+        let settings = self.settings.load()?;
         Ok(TrialsOptions {
             trials: self.trials,
             scenes: self.scene.clone(),

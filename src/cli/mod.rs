@@ -146,9 +146,6 @@ pub struct PackArgs {
     /// Who renders pose hypotheses.
     #[arg(long, value_enum, default_value_t = Hypotheses::Cpu)]
     pub hypotheses: Hypotheses,
-    /// Whether grasps are scored at the best pose alone or over the posterior [default: the settings', else posterior].
-    #[arg(long, value_enum)]
-    pub grasp_at: Option<GraspAt>,
     /// Folder of grasps to use instead of those that are found: a file OBJECT.json each, as `grip grasps --out` makes them.
     #[arg(long, value_name = "DIR")]
     pub grasps: Option<PathBuf>,
@@ -172,24 +169,6 @@ pub struct PackArgs {
     /// Print the result as one JSON object on stdout.
     #[arg(long)]
     pub json: bool,
-}
-
-/// Poses at which grasps are scored.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub enum GraspAt {
-    /// The best pose.
-    Best,
-    /// Weighted poses of the posterior.
-    Posterior,
-}
-
-impl From<GraspAt> for grip_manip::GraspAt {
-    fn from(at: GraspAt) -> Self {
-        match at {
-            GraspAt::Best => Self::Best,
-            GraspAt::Posterior => Self::Posterior,
-        }
-    }
 }
 
 /// Which robot, where no scene says it.

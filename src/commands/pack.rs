@@ -1,7 +1,6 @@
 //! `grip pack`: a trial, its run folder, and what to print of it.
 
 use std::path::PathBuf;
-use std::sync::Arc;
 
 use anyhow::{Result, ensure};
 use grip::estimators::{DetectorKind, Estimator, EstimatorKind};
@@ -11,7 +10,6 @@ use grip::score::outcome::TrialResult;
 use grip::settings::SuccessCriteria;
 use grip::setup::{GROCERY, Setup};
 use grip::trial::{self, Pictures, TrialOptions, TrialRecord, bop, film, report};
-use grip_manip::GraspAt;
 use grip_perception::HypothesisRenderer;
 use grip_sim::objects::ObjectSet;
 use grip_sim::render;
@@ -24,10 +22,7 @@ use crate::cli::PackArgs;
 pub fn run(args: &PackArgs) -> Result<Done> {
     // What a full disk or a wrong --out would spoil is found out before the work, not after it.
     let named = args.out.as_deref().map(RunDir::begin).transpose()?;
-    let mut options = args.scene.options(GROCERY, &args.condition)?;
-    if let Some(at) = args.grasp_at {
-        Arc::make_mut(&mut options.settings).planner.grasp.at = at.into();
-    }
+    let options = args.scene.options(GROCERY, &args.condition)?;
     let mut setup = Setup::load(&options)?;
     if args.bop {
         bop::check_seed(setup.seed)?;
@@ -95,9 +90,6 @@ fn default_folder(args: &PackArgs, setup: &Setup) -> PathBuf {
     }
     if setup.hypotheses.name() != "cpu" {
         parts.push(setup.hypotheses.name().into());
-    }
-    if setup.settings.planner.grasp.at == GraspAt::Best {
-        parts.push("grasp-at-best".into());
     }
     if args.grasps.is_some() {
         parts.push("grasps".into());
@@ -169,7 +161,7 @@ fn clauses(result: &TrialResult, bound: &SuccessCriteria) -> String {
             format!("{} other items (none)", m.knocked_out),
         ];
         item.clauses.by_name().into_iter().zip(values).enumerate().map(|(i, ((name, holds), value))| {
-            let object = if i == 0 { item.object.clone() } else { String::new() };
+            let object = if i == 0 { item.name() } else { String::new() };
             [object, name.to_string(), if holds { "yes" } else { "NO" }.to_string(), value]
         })
     });
@@ -180,7 +172,7 @@ fn table(result: &TrialResult) -> String {
     let mm = |metres: Option<f64>| metres.map_or("-".to_string(), |m| format!("{:.1}", m * 1e3));
     let rows = result.items.iter().map(|item| {
         [
-            item.object.clone(),
+            item.name(),
             item.outcome.words().to_string(),
             mm(item.adds_m),
             mm(item.slip_m),

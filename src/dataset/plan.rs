@@ -254,9 +254,6 @@ impl Plan {
 fn choose(setup: &mut Setup, names: &[String]) -> Result<()> {
     let models: Vec<Arc<ObjectModel>> =
         names.iter().map(|name| setup.library.load(name).context("--objects")).collect::<Result<_>>()?;
-    for (i, name) in names.iter().enumerate() {
-        ensure!(!names[..i].contains(name), "--objects: '{name}' stands twice; each object may stand once");
-    }
     if let Some(count) = &mut setup.cell.scene.objects.count {
         count.min = count.min.min(names.len());
         count.max = count.max.min(names.len());

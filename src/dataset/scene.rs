@@ -176,7 +176,13 @@ fn attempt(
         shown
     };
 
-    let ids: Vec<u32> = setup.models.iter().map(|model| model.info.bop_id).collect();
+    let mut ids: Vec<u32> = Vec::new();
+    for id in setup.models.iter().map(|model| model.info.bop_id) {
+        // Of several instances of an object there is one model.
+        if !ids.contains(&id) {
+            ids.push(id);
+        }
+    }
     let writer = SceneWriter::begin(split, number)?.with_coco(&plan.scene.name, &ids);
     let conditions: Vec<Condition> = plan
         .views

@@ -15,13 +15,14 @@ use anyhow::{Result, ensure};
 use grip_perception::{BuiltInNetwork, PosePosterior, Providers, PyramidCnn, PyramidSettings};
 use grip_sim::frame::CameraFrame;
 use grip_sim::objects::ObjectModel;
-use grip_sim::pose::{Camera, Pose, World};
+use grip_sim::pose::{Camera, Object, Pose, World};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 
 pub use self::grip::Grip;
 pub use self::recorded::Recorded;
+use crate::matching::nearest_pairs;
 use crate::setup::Setup;
 
 /// What an estimator is told of one look of the robot.
@@ -54,6 +55,34 @@ impl Look<'_> {
 
 /// What is believed of some of a trial's objects: the position of each in [`Look::models`], and where it may be.
 pub type Estimates = Vec<(usize, PosePosterior)>;
+
+/// Of several objects of a kind nobody knows which is which: each estimate is taken for the one of them that was believed
+/// nearest to it before. `confident` says which estimates mean something, `before` where each object was believed to be.
+pub(crate) fn told_apart(
+    estimates: Estimates,
+    models: &[Arc<ObjectModel>],
+    world_from_camera: &Pose<World, Camera>,
+    confident: impl Fn(&PosePosterior) -> bool,
+    before: impl Fn(usize) -> Option<Pose<World, Object>>,
+) -> Estimates {
+    /// Farther than anything in a cell, metres.
+    const FAR: f64 = 1e3;
+    let numbers: Vec<usize> = estimates.iter().map(|(i, _)| *i).collect();
+    let places: Vec<Option<Pose<World, Object>>> = numbers.iter().map(|i| before(*i)).collect();
+    let distance = |estimate: usize, place: usize| {
+        let (own, posterior) = &estimates[estimate];
+        if models[*own].info.name != models[numbers[place]].info.name {
+            return None;
+        }
+        let known = places[place].filter(|_| confident(posterior));
+        let unknown = if estimate == place { FAR } else { 2.0 * FAR };
+        let now = *world_from_camera * posterior.best;
+        Some(known.map_or(unknown, |then| (now.translation() - then.translation()).norm()))
+    };
+    let mut pairs = nearest_pairs(numbers.len(), numbers.len(), distance);
+    pairs.sort_unstable_by_key(|&(_, place)| place);
+    pairs.into_iter().map(|(estimate, place)| (numbers[place], estimates[estimate].1.clone())).collect()
+}
 
 /// Estimates poses from what the camera saw.
 pub trait Perception: Send + Sync {
@@ -249,5 +278,37 @@ impl NetworkOptions {
         let given = self.model.is_some() || !self.providers.0.is_empty();
         ensure!(used || !given, "--detector-model and --providers are for {by}; leave them out");
         Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::setup::library;
+
+    #[test]
+    fn of_two_of_a_kind_each_stays_the_one_that_was_there() {
+        let library = library(None).unwrap();
+        let models =
+            ["005_tomato_soup_can", "011_banana", "005_tomato_soup_can"].map(|n| library.load(n).unwrap());
+        let at = |x: f64| Pose::from_xyz_rpy([x, 0.0, 0.0], [0.0; 3]);
+        let estimate = |i: usize, x: f64, confidence: f64| {
+            let certain = PosePosterior::certain("", Pose::from_xyz_rpy([x, 0.0, 0.0], [0.0; 3]));
+            (i, PosePosterior { confidence, ..certain })
+        };
+        let before = [Some(at(0.1)), Some(at(0.3)), Some(at(0.5))];
+        let told = |estimates: Estimates| -> Vec<(usize, f64)> {
+            let sure = |posterior: &PosePosterior| posterior.confidence > 0.5;
+            let told = told_apart(estimates, &models, &Pose::identity(), sure, |i| before[i]);
+            told.into_iter().map(|(i, posterior)| (i, posterior.best.translation().x)).collect()
+        };
+        // The estimator has numbered the cans the other way round; a banana is a banana wherever it is.
+        let swapped = vec![estimate(0, 0.49, 1.0), estimate(1, 0.1, 1.0), estimate(2, 0.12, 1.0)];
+        assert_eq!(told(swapped), [(0, 0.12), (1, 0.1), (2, 0.49)]);
+        // A guess is nobody's place.
+        let unsure = vec![estimate(0, 0.5, 1.0), estimate(1, 0.3, 1.0), estimate(2, 0.1, 0.1)];
+        assert_eq!(told(unsure), [(0, 0.1), (1, 0.3), (2, 0.5)]);
+        // One can is left.
+        assert_eq!(told(vec![estimate(2, 0.1, 1.0)]), [(2, 0.1)]);
     }
 }

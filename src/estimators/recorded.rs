@@ -47,15 +47,26 @@ impl Recorded {
 }
 
 impl Perception for Recorded {
-    /// The best scored pose of each object that the file has one of.
+    /// The best scored pose of each object that the file has one of; of several of a kind as many as there are.
     fn look(&self, look: &Look<'_>) -> Result<Estimates> {
         let known = self.by_look.range((look.seed, 0)..=(look.seed, look.number())).next_back();
         let Some((&(_, of_look), rows)) = known else { return Ok(Vec::new()) };
         // The camera may stand elsewhere than when the file's image was taken.
         let now_from_then = look.cameras[look.number()].iso().inverse() * look.cameras[of_look].iso();
         let best = |i: usize| {
-            let of = rows.iter().filter(|row| row.obj_id == look.models[i].info.bop_id);
-            of.max_by(|a, b| a.score.total_cmp(&b.score))
+            let id = look.models[i].info.bop_id;
+            let mut of: Vec<&Estimate> = rows.iter().filter(|row| row.obj_id == id).collect();
+            of.sort_by(|a, b| b.score.total_cmp(&a.score));
+            // The first of a kind has the best row, the second the next; where there are rows for those alone that are asked
+            // for, these are counted.
+            let same = |&other: &usize| look.models[other].info.bop_id == id;
+            let asked = look.asked.iter().filter(|other| same(other));
+            let rank = if of.len() > asked.clone().count() {
+                (0..i).filter(same).count()
+            } else {
+                asked.filter(|other| **other < i).count()
+            };
+            of.get(rank).copied()
         };
         let found = look.asked.iter().filter_map(|&i| {
             let row = best(i)?;

@@ -63,6 +63,7 @@ fn columns(trials: &[TrialResult]) -> Vec<(&'static str, Column)> {
         ("object_set", text(|t, _| t.object_set.clone())),
         ("scenario", text(|t, _| t.scenario.clone())),
         ("object", text(|_, i| i.object.clone())),
+        ("instance", whole(|_, i| i64::from(i.instance))),
         ("packed", yes(|i| i.outcome == Outcome::Packed)),
         ("outcome", text(|_, i| i.outcome.words().to_owned())),
         ("stage", text(|_, i| format!("{:?}", i.stage).to_lowercase())),

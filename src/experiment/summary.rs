@@ -131,6 +131,7 @@ pub(crate) mod tests {
     /// A trial by hand.
     pub fn trial(seed: u64, condition: &str, estimator: &str, items: &[Item<'_>]) -> TrialResult {
         let item = |&(object, packed, first): &Item<'_>| ItemResult {
+            instance: 1,
             object: object.into(),
             outcome: if packed { Outcome::Packed } else { Outcome::Missed },
             stage: Stage::Done,

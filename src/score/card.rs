@@ -5,6 +5,7 @@ use grip_manip::place::bin_map;
 use grip_manip::{BeliefScene, BelievedObject};
 use grip_physics::World;
 
+use super::bodies::Bodies;
 use super::outcome::{BadPack, ItemResult, Outcome, ScoreCard};
 use super::record::ItemRecord;
 use crate::cell::Cell;
@@ -15,11 +16,12 @@ pub fn fill(
     cell: &Cell,
     settings: &ScoreSettings,
     world: &World,
-    records: &[ItemRecord],
+    (records, bodies): (&[ItemRecord], &Bodies),
     items: &[ItemResult],
     drift_m: f64,
 ) -> ScoreCard {
     let inside: Vec<usize> = (0..items.len()).filter(|&i| items[i].clauses.in_bin).collect();
+    let bodies_inside: Vec<usize> = inside.iter().map(|&i| bodies.of(i)).collect();
     let sum = |count: fn(&ItemRecord) -> u32| records.iter().map(count).sum();
     let by_robot = |l: &ItemRecord| {
         let lost = |o: &Outcome| matches!(o, Outcome::SlippedOnLift | Outcome::DroppedInTransit);
@@ -40,8 +42,8 @@ pub fn fill(
             .filter(|&i| records[i].peak_impulse_n_s > world.object(i).info.harmless_impulse_n_s())
             .count() as u32,
         not_upright: inside.iter().filter(|&&i| !items[i].clauses.upright).count() as u32,
-        bad_packs: bad_packs(world, &inside, settings.resting_n),
-        density: density(cell, settings.cell_m, world, &inside),
+        bad_packs: bad_packs(world, &bodies_inside, settings.resting_n),
+        density: density(cell, settings.cell_m, world, &bodies_inside),
         drift_m,
     }
 }

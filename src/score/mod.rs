@@ -5,12 +5,14 @@
 //! | `outcome` | the score as plain data: result.json |
 //! | `record` | what is known of each item while a trial goes on, and the verdict that it leaves |
 //! | `monitor` | [`GraspMonitor`]: follows one attempt step by step |
+//! | `bodies` | which body an item is, where several are of a kind |
 //! | `location` | where items are: on the table, in the bin, lost |
 //! | `card` | fills the score card: what a trial was like beside what was packed |
 //! | `motion_check` | collisions of all motions, by the exact checker |
 //!
 //! [`pose_errors`] compares an estimate with where the object really is. Nothing here flows back to perception or planning.
 
+mod bodies;
 mod card;
 mod location;
 mod monitor;
@@ -24,6 +26,7 @@ use grip_sim::objects::ObjectModel;
 use grip_sim::pose::{Camera, Object, Pose};
 use nalgebra::{Point3, Vector3};
 
+pub use self::bodies::Bodies;
 pub(crate) use self::card::fill;
 pub use self::location::{Location, below_edge_m, in_bin, knocked_out, locations};
 pub use self::monitor::GraspMonitor;

@@ -154,6 +154,9 @@ pub struct Measures {
 pub struct ItemResult {
     /// YCB name.
     pub object: String,
+    /// Which of several of that name, from 1 on; left out of the first.
+    #[serde(default = "first", skip_serializing_if = "is_first")]
+    pub instance: u32,
     /// What became of it.
     pub outcome: Outcome,
     /// The stage reached in the last attempt.
@@ -184,6 +187,26 @@ pub struct ItemResult {
     pub clauses: Clauses,
     /// What they were judged by.
     pub measures: Measures,
+}
+
+fn first() -> u32 {
+    1
+}
+
+fn is_first(instance: &u32) -> bool {
+    *instance == first()
+}
+
+impl ItemResult {
+    /// Its name; of several of one name with a number behind it.
+    pub fn name(&self) -> String {
+        instance_name(&self.object, self.instance)
+    }
+}
+
+/// The name of a further one of a kind, from 2 on, has its number behind it.
+pub(crate) fn instance_name(object: &str, instance: u32) -> String {
+    if is_first(&instance) { object.to_owned() } else { format!("{object} ({instance})") }
 }
 
 /// How the first grasp of an item went, whatever came after it: what pose errors cost without a second chance.

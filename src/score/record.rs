@@ -5,6 +5,7 @@ use grip_physics::World;
 use grip_sim::pose::{Object, Pose, World as WorldFrame};
 use grip_sim::scene::Scene;
 
+use super::bodies::Bodies;
 use super::outcome::{Clauses, FailedAttempt, FirstAttempt, ItemResult, Measures, Outcome, Stage};
 use super::{below_edge_m, in_bin, tilt_deg, upright};
 use crate::settings::SuccessCriteria;
@@ -107,7 +108,7 @@ pub fn finish(
     scene: &Scene,
     world: &World,
     criteria: &SuccessCriteria,
-    records: &mut [ItemRecord],
+    (records, bodies): (&mut [ItemRecord], &Bodies),
     items: usize,
 ) -> Vec<ItemResult> {
     records
@@ -115,15 +116,18 @@ pub fn finish(
         .enumerate()
         .take(items)
         .map(|(i, record)| {
-            record.clauses.in_bin = in_bin(world, scene, i) && world.speed(i) < criteria.at_rest_m_s;
-            record.clauses.upright = upright(world, i, criteria);
+            let body = bodies.of(i);
+            record.clauses.in_bin = in_bin(world, scene, body) && world.speed(body) < criteria.at_rest_m_s;
+            record.clauses.upright = upright(world, body, criteria);
             record.clauses.nothing_knocked_out = !record.knocked_others;
-            record.measures.below_edge_m = below_edge_m(world, scene, i);
-            record.measures.speed_m_s = world.speed(i);
-            record.measures.tilt_deg = tilt_deg(world, i);
+            record.measures.below_edge_m = below_edge_m(world, scene, body);
+            record.measures.speed_m_s = world.speed(body);
+            record.measures.tilt_deg = tilt_deg(world, body);
             let (outcome, stage, reason) = verdict(record, criteria);
+            let info = &world.object(body).info;
             ItemResult {
-                object: world.object(i).info.name.clone(),
+                object: info.name.clone(),
+                instance: instance(world, i),
                 outcome,
                 stage,
                 reason,
@@ -133,7 +137,7 @@ pub fn finish(
                 slip_m: record.slip_m,
                 peak_force_n: record.peak_force_n,
                 peak_impulse_n_s: record.peak_impulse_n_s,
-                harmless_impulse_n_s: world.object(i).info.harmless_impulse_n_s(),
+                harmless_impulse_n_s: info.harmless_impulse_n_s(),
                 others_moved_m: record.others_moved_m,
                 first_attempt: record.first_attempt,
                 failed_attempts: record.failed_attempts.clone(),
@@ -142,6 +146,12 @@ pub fn finish(
             }
         })
         .collect()
+}
+
+/// The how manieth of its kind item `i` is, from 1 on.
+fn instance(world: &World, i: usize) -> u32 {
+    let name = &world.object(i).info.name;
+    1 + (0..i).filter(|&other| world.object(other).info.name == *name).count() as u32
 }
 
 /// The outcome that the clauses of the last attempt leave, whatever the robot believed.

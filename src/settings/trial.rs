@@ -48,12 +48,10 @@ pub struct BeliefSettings {
     /// false.
     pub follow: bool,
     /// How far off the camera may be from where the joints have it, one standard deviation in each direction: its position,
-    /// metres, 0 to 0.1. Default 0. Poses at which grasps are tried, and the spread of positions, hold it;
+    /// metres, 0 to 0.1. Default 0. The spread of positions holds it;
     pub calibration_m: f64,
     /// and its orientation, radians, 0 to 0.3. Default 0.
     pub calibration_rad: f64,
-    /// Poses of the posterior that a grasp is tried at; 1 to 10000. Default 32: more change no choice.
-    pub poses: usize,
     /// An item in the bin is not believed to have moved farther than this from where it was put, metres; 0 to 1. Default 0.12.
     pub moved_in_bin_m: f64,
     /// An estimated centre up to so far above the edge of the bin's walls is in the bin, metres; 0 to 1. Default 0.1.
@@ -67,7 +65,6 @@ impl Default for BeliefSettings {
             follow: false,
             calibration_m: 0.0,
             calibration_rad: 0.0,
-            poses: 32,
             moved_in_bin_m: 0.12,
             over_bin_m: 0.1,
         }
@@ -81,7 +78,6 @@ impl BeliefSettings {
         within("least_confidence", self.least_confidence, 0.0, 1.0)?;
         within("calibration_m", self.calibration_m, 0.0, 0.1)?;
         within("calibration_rad", self.calibration_rad, 0.0, 0.3)?;
-        within("poses", self.poses as f64, 1.0, 10_000.0)?;
         within("moved_in_bin_m", self.moved_in_bin_m, 0.0, 1.0)?;
         within("over_bin_m", self.over_bin_m, 0.0, 1.0)
     }

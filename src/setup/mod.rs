@@ -20,6 +20,7 @@ use rayon::prelude::*;
 pub use self::camera::HeadCamera;
 use crate::assets;
 use crate::cell::Cell;
+use crate::score::outcome::instance_name;
 use crate::settings::Settings;
 
 /// The scene of packing trials.
@@ -182,6 +183,13 @@ impl Setup {
     ) -> Result<(CameraFrame, Rendering)> {
         let world_from_camera = self.cell.world_from_camera(world.joints());
         self.camera.capture(world, &world_from_camera, &self.condition, renderer, shot)
+    }
+
+    /// The name of object `i`; of a further one of its kind with a number behind it.
+    pub fn name(&self, i: usize) -> String {
+        let name = &self.models[i].info.name;
+        let before = self.models[..i].iter().filter(|other| other.info.name == *name).count();
+        instance_name(name, 1 + before as u32)
     }
 
     /// The seed of the consumer `name` in this run.

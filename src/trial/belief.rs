@@ -3,10 +3,7 @@
 use grip_manip::{BeliefScene, BelievedObject};
 use grip_sim::frame::CameraFrame;
 use grip_sim::pose::{Camera, Object, Pose, World};
-use grip_sim::rng;
-use nalgebra::{Isometry3, Point3, Vector3};
-use rand::{Rng, RngExt};
-use rand_distr::StandardNormal;
+use nalgebra::Point3;
 
 use crate::estimators::Estimates;
 use crate::score::record::ItemRecord;
@@ -35,16 +32,14 @@ impl Belief {
                 continue;
             }
             let pose = frame.world_from_camera * posterior.best;
-            let calibration =
-                Calibration { metres: settings.calibration_m, radians: settings.calibration_rad };
-            let mut random = rng::stream(setup.seed, &format!("calibration/{i}"));
-            let mut camera = || frame.world_from_camera * calibration.drawn(&mut random);
-            let poses = calibration.spread(posterior.thinned(settings.poses), settings.poses);
             belief.push(
                 *i,
                 BelievedObject {
-                    poses: poses.into_iter().map(|(pose, weight)| (camera() * pose, weight)).collect(),
-                    position_std_m: calibration.with(posterior.position_std_m, &posterior.best),
+                    position_std_m: spread_with_calibration(
+                        posterior.position_std_m,
+                        &posterior.best,
+                        [settings.calibration_m, settings.calibration_rad],
+                    ),
                     confidence: posterior.confidence,
                     // What fell into the bin on the way is not fetched out of it again.
                     packed: setup
@@ -52,6 +47,7 @@ impl Belief {
                         .scene
                         .bin
                         .contains(&Point3::from(pose.translation()), settings.over_bin_m),
+                    name: setup.name(*i),
                     ..BelievedObject::new(setup.models[*i].clone(), pose)
                 },
             );
@@ -59,7 +55,8 @@ impl Belief {
         for (i, record) in records.iter().enumerate() {
             if let Some(pose) = record.believed_packed {
                 let model = setup.models[i].clone();
-                belief.push(i, BelievedObject { packed: true, ..BelievedObject::new(model, pose) });
+                let name = setup.name(i);
+                belief.push(i, BelievedObject { name, packed: true, ..BelievedObject::new(model, pose) });
             }
         }
         belief
@@ -88,66 +85,35 @@ impl Belief {
     }
 }
 
-/// How far off the camera may be, one standard deviation in each direction.
-struct Calibration {
-    metres: f64,
-    radians: f64,
-}
-
-impl Calibration {
-    fn is_none(&self) -> bool {
-        self.metres == 0.0 && self.radians == 0.0
-    }
-
-    /// The poses as often as it takes to make `count` of them, so that each may be displaced in another way.
-    fn spread<P: Clone>(&self, poses: Vec<(P, f64)>, count: usize) -> Vec<(P, f64)> {
-        let times = if self.is_none() { 1 } else { (count / poses.len().max(1)).max(1) };
-        let repeated = |(pose, weight)| std::iter::repeat_n((pose, weight / times as f64), times);
-        poses.into_iter().flat_map(repeated).collect()
-    }
-
-    /// A displacement of the camera by chance.
-    fn drawn(&self, random: &mut impl Rng) -> Pose<Camera, Camera> {
-        if self.is_none() {
-            return Pose::identity();
-        }
-        let mut normal = |std: f64| Vector3::from_fn(|_, _| std * random.sample::<f64, _>(StandardNormal));
-        let (shift, turn) = (normal(self.metres), normal(self.radians));
-        Pose::new(Isometry3::new(shift, turn))
-    }
-
-    /// The spread of an object's position with it; across the ray a turn of the camera moves what is far by more.
-    fn with(&self, position_std_m: f64, pose: &Pose<Camera, Object>) -> f64 {
-        if self.is_none() {
-            return position_std_m;
-        }
-        let across = self.radians * pose.translation().norm();
-        (position_std_m.powi(2) + 3.0 * self.metres.powi(2) + 2.0 * across.powi(2)).sqrt()
-    }
+/// The spread of an object's position, metres, when the camera may be `metres` and `radians` off, one standard deviation in
+/// each direction. Across the ray a turn of the camera moves what is far by more.
+fn spread_with_calibration(spread: f64, pose: &Pose<Camera, Object>, [metres, radians]: [f64; 2]) -> f64 {
+    let across = radians * pose.translation().norm();
+    (spread.powi(2) + 3.0 * metres.powi(2) + 2.0 * across.powi(2)).sqrt()
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use grip_sim::rng;
+    use nalgebra::{Isometry3, Vector3};
+    use rand::RngExt;
+    use rand_distr::StandardNormal;
 
     #[test]
     fn a_camera_that_may_be_off_spreads_what_it_sees() {
-        let calibration = Calibration { metres: 0.002, radians: 0.01 };
+        let (metres, radians) = (0.002, 0.01);
         let seen = Pose::<Camera, Object>::from_xyz_rpy([0.0, 0.0, 1.0], [0.0; 3]);
-        let poses = calibration.spread(vec![(seen, 1.0)], 4000);
-        assert_eq!(poses.len(), 4000);
-        assert!((poses.iter().map(|(_, weight)| weight).sum::<f64>() - 1.0).abs() < 1e-9);
         let mut random = rng::stream(1, "test");
-        let square = |(pose, weight): &(Pose<Camera, Object>, f64)| {
-            weight
-                * ((calibration.drawn(&mut random) * *pose).translation() - seen.translation()).norm_squared()
-        };
-        let spread = poses.iter().map(square).sum::<f64>().sqrt();
-        let said = calibration.with(0.0, &seen);
+        let mut normal = |std: f64| Vector3::from_fn(|_, _| std * random.sample::<f64, _>(StandardNormal));
+        let count = 4000;
+        let squares = (0..count).map(|_| {
+            let camera = Pose::<Camera, Camera>::new(Isometry3::new(normal(metres), normal(radians)));
+            ((camera * seen).translation() - seen.translation()).norm_squared()
+        });
+        let spread = (squares.sum::<f64>() / f64::from(count)).sqrt();
+        let said = spread_with_calibration(0.0, &seen, [metres, radians]);
         assert!((spread / said - 1.0).abs() < 0.05, "{spread} {said}");
-
-        let none = Calibration { metres: 0.0, radians: 0.0 };
-        assert_eq!(none.spread(vec![(seen, 1.0)], 32), vec![(seen, 1.0)]);
-        assert_eq!(none.with(0.003, &seen), 0.003);
+        assert!((spread_with_calibration(0.003, &seen, [0.0, 0.0]) - 0.003).abs() < 1e-12);
     }
 }

@@ -38,13 +38,13 @@ use self::film::{Film, Strip};
 use self::port::TrialObserver;
 pub(crate) use self::port::{SharedWorld, WorldPort};
 use self::report::LookPictures;
-use crate::estimators::{Estimates, Estimator, Look};
+use crate::estimators::{Estimates, Estimator, Look, told_apart};
 use crate::pictures;
 use crate::progress::Progress;
 use crate::scenario::Scenario;
 use crate::score::outcome::{ItemTiming, Measures, Outcome, Stage, TRIAL_SCHEMA, Timing, TrialResult};
 use crate::score::record::{ItemRecord, failure_of, finish};
-use crate::score::{self, GraspMonitor, JointLog, Location};
+use crate::score::{self, Bodies, GraspMonitor, JointLog, Location};
 use crate::setup::Setup;
 
 /// What to run, beside the [`Setup`].
@@ -107,6 +107,8 @@ pub struct Trial<'a> {
     world: World,
     /// One an object, in the order of the setup's models.
     records: Vec<ItemRecord>,
+    /// Which body of the world each is.
+    bodies: Bodies,
     /// Where the camera was at each look.
     cameras: Vec<Pose<WorldFrame, Camera>>,
     /// What was believed at the last one.
@@ -211,6 +213,7 @@ impl<'a> Trial<'a> {
             items,
             world,
             records: vec![ItemRecord::default(); most],
+            bodies: Bodies::new(most),
             cameras: Vec::new(),
             before: Estimates::new(),
             joints: JointLog::default(),
@@ -251,12 +254,18 @@ impl<'a> Trial<'a> {
         let (inside, asked): (Vec<usize>, Vec<usize>) =
             (0..self.records.len()).partition(|&i| in_bin(&self.records[i]));
         let estimates = self.estimate(&frame, &asked, false)?;
+        let mut believed = vec![None; self.records.len()];
+        for (i, posterior) in &estimates {
+            believed[*i] = Some(frame.world_from_camera * posterior.best);
+        }
+        self.bodies.assign(&self.world, &believed, |i| self.records[i].believed_packed.is_some());
         let mut errors = vec![None; self.records.len()];
         for (i, posterior) in &estimates {
             let record = &mut self.records[*i];
             record.estimate_s += posterior.seconds;
-            let truth = frame.world_from_camera.inverse() * self.world.truth(*i);
-            errors[*i] = Some(score::pose_errors(self.world.object(*i), &truth, &posterior.best));
+            let body = self.bodies.of(*i);
+            let truth = frame.world_from_camera.inverse() * self.world.truth(body);
+            errors[*i] = Some(score::pose_errors(self.world.object(body), &truth, &posterior.best));
             // After an attempt the errors of the look before it stay.
             if record.attempts == 0 {
                 record.record_errors(errors[*i]);
@@ -273,12 +282,24 @@ impl<'a> Trial<'a> {
     /// What the estimator says of the objects `asked`, on the table or in the bin.
     fn estimate(&self, frame: &CameraFrame, asked: &[usize], in_bin: bool) -> Result<Estimates> {
         let Self { setup, cameras, before, world, .. } = self;
-        let look = Look { frame, cameras, before, models: &setup.models, asked, seed: setup.seed };
-        match self.estimator {
-            Estimator::Perception(perception) if in_bin => perception.look_into_bin(&look),
-            Estimator::Perception(perception) => perception.look(&look),
-            Estimator::Truth => Ok(truth(world, frame, asked)),
-        }
+        let models = &setup.models;
+        let look = Look { frame, cameras, before, models, asked, seed: setup.seed };
+        let estimates = match self.estimator {
+            Estimator::Perception(perception) if in_bin => perception.look_into_bin(&look)?,
+            Estimator::Perception(perception) => perception.look(&look)?,
+            Estimator::Truth => truth(world, frame, asked),
+        };
+        let least = setup.settings.belief.least_confidence;
+        let confident = |posterior: &PosePosterior| posterior.confidence >= least;
+        let last = cameras.len().checked_sub(2).map(|look| cameras[look]);
+        let known = |i: usize| {
+            if in_bin {
+                return self.records[i].believed_packed;
+            }
+            let (_, posterior) = before.iter().find(|(of, posterior)| *of == i && confident(posterior))?;
+            Some(last? * posterior.best)
+        };
+        Ok(told_apart(estimates, models, &frame.world_from_camera, confident, known))
     }
 
     /// Corrects where items lie in the bin: things tip over when they are let go, and the next place is planned around them.
@@ -345,7 +366,7 @@ impl<'a> Trial<'a> {
     /// A plan for object `b` of the belief, or a word in its record why there is none.
     fn plan(&mut self, belief: &Belief, b: usize, risk: Risk) -> Option<Choice> {
         let (i, number) = (belief.index[b], self.number());
-        let name = &self.setup.models[i].info.name;
+        let name = self.setup.name(i);
         self.progress.message(&format!("look {}: planning for {name}", number + 1));
         let clock = Instant::now();
         let seed = self.setup.stream(&format!("plan/{number}/{i}"));
@@ -371,12 +392,13 @@ impl<'a> Trial<'a> {
     /// Carries the plan out with the score watching, and goes back to where the camera sees the table.
     pub fn act(&mut self, seen: &Seen, belief: Belief, choice: &Choice) -> Attempt {
         let i = choice.object;
-        let name = &self.setup.models[i].info.name;
+        let name = self.setup.name(i);
         self.progress.message(&format!("look {}: packing {name}", self.number() + 1));
         let attempt = Attempt { object: i, locations: self.locations(), poses: self.world.poses() };
         self.world.reset_peaks();
         let (report, monitor) = self.execute(i, &choice.plan);
-        let peak_force_n = self.world.peak_force(i);
+        let body = self.bodies.of(i);
+        let peak_force_n = self.world.peak_force(body);
         let record = &mut self.records[i];
         record.attempts += 1;
         record.record_errors(seen.errors[i]);
@@ -386,7 +408,15 @@ impl<'a> Trial<'a> {
             record.wrong_object = monitor.wrong_object.is_some();
             record.wrong_objects += u32::from(record.wrong_object);
             record.slip_m = monitor.slip_m;
+            // The twin of the one that was meant is in the hand now.
+            if let Some(other) = monitor.wrong_object.filter(|other| self.same_kind(i, *other)) {
+                let twin = self.bodies.item(other);
+                if self.records[twin].believed_packed.is_none() {
+                    self.bodies.swap(i, twin);
+                }
+            }
         }
+        let record = &mut self.records[i];
         record.close_attempt();
         record.peak_force_n = record.peak_force_n.max(peak_force_n);
         record.failure = None;
@@ -406,7 +436,7 @@ impl<'a> Trial<'a> {
     fn execute(&mut self, i: usize, plan: &PickPlacePlan) -> (ExecutionReport, Option<GraspMonitor>) {
         let settings = &self.setup.settings;
         let hand = self.setup.cell.config.gripper.link;
-        let monitor = Some(GraspMonitor::begin(&self.world, i, hand, &settings.success));
+        let monitor = Some(GraspMonitor::begin(&self.world, self.bodies.of(i), hand, &settings.success));
         self.film.begin(&self.world, &plan.object);
         let shared = SharedWorld::new(&mut self.world);
         let mut observer =
@@ -423,6 +453,10 @@ impl<'a> Trial<'a> {
             );
         }
         (report, observer.monitor)
+    }
+
+    fn same_kind(&self, item: usize, body: usize) -> bool {
+        self.world.object(body).info.name == self.setup.models[item].info.name
     }
 
     /// Opens the gripper where it stands, so that nothing is carried about after a failure.
@@ -469,8 +503,9 @@ impl<'a> Trial<'a> {
         self.note_blows();
         let disturbed_m = self.setup.settings.score.disturbed_m;
         let moved = self.world.moved_since(&attempt.poses);
+        let body = self.bodies.of(handled);
         let record = &mut self.records[handled];
-        for (other, moved) in moved.into_iter().enumerate().filter(|(i, _)| *i != handled) {
+        for (other, moved) in moved.into_iter().enumerate().filter(|(i, _)| *i != body) {
             record.others_moved_m = record.others_moved_m.max(moved);
             if moved > disturbed_m {
                 record.disturbed[usize::from(attempt.locations[other] == Location::Bin)] += 1;
@@ -483,8 +518,8 @@ impl<'a> Trial<'a> {
     /// that nothing is counted twice.
     fn note_losses(&mut self, before: &[Location], handled: usize) -> Vec<Location> {
         let after = self.locations();
-        for other in score::knocked_out(before, &after, handled) {
-            self.records[other].knocked_out = true;
+        for other in score::knocked_out(before, &after, self.bodies.of(handled)) {
+            self.records[self.bodies.item(other)].knocked_out = true;
             self.records[handled].knocked_others = true;
             self.records[handled].measures.knocked_out += 1;
         }
@@ -494,7 +529,8 @@ impl<'a> Trial<'a> {
     /// The largest blow that each item has taken.
     fn note_blows(&mut self) {
         for (i, record) in self.records.iter_mut().enumerate() {
-            record.peak_impulse_n_s = record.peak_impulse_n_s.max(self.world.peak_impulse(i));
+            let impulse = self.world.peak_impulse(self.bodies.of(i));
+            record.peak_impulse_n_s = record.peak_impulse_n_s.max(impulse);
         }
     }
 
@@ -514,7 +550,7 @@ impl<'a> Trial<'a> {
             .outlines(frame, believed.map(|(i, posterior)| (*i, frame.world_from_camera * posterior.best)))?;
         self.looks.push(LookPictures {
             caption: match choice {
-                Some(choice) => format!("picks {}", self.setup.models[choice.object].info.name),
+                Some(choice) => format!("picks {}", self.setup.name(choice.object)),
                 None => "nothing can be picked".to_string(),
             },
             rgb: frame.rgb.clone(),
@@ -557,8 +593,9 @@ impl<'a> Trial<'a> {
         }
         self.note_blows();
         let drift_m = self.world.drift(settings.drift_s);
-        let Self { setup, mut records, world, renderer, progress, film, .. } = self;
-        let items = finish(&setup.cell.scene, &world, &setup.settings.success, &mut records, self.items);
+        let Self { setup, mut records, bodies, world, renderer, progress, film, .. } = self;
+        let criteria = &setup.settings.success;
+        let items = finish(&setup.cell.scene, &world, criteria, (&mut records, &bodies), self.items);
         let packed = items.iter().filter(|item| item.outcome == Outcome::Packed).count();
         let after = match self.options.pictures {
             Pictures::All { .. } => Some(setup.capture(&world, renderer, self.cameras.len())?.0.rgb),
@@ -584,7 +621,14 @@ impl<'a> Trial<'a> {
             renderer: renderer.name().into(),
             hypotheses: setup.hypotheses.name().into(),
             requested: self.items,
-            score: score::fill(&setup.cell, &setup.settings.score, &world, &records, &items, drift_m),
+            score: score::fill(
+                &setup.cell,
+                &setup.settings.score,
+                &world,
+                (&records, &bodies),
+                &items,
+                drift_m,
+            ),
             packed,
             motion_check: self.joints.check(self.planner, &setup.cell.empty_belief()),
             sim_s: world.time(),

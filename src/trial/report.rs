@@ -71,7 +71,7 @@ pub fn html(trial: &TrialRecord) -> Result<String> {
         let _ = write!(
             page,
             "<p>Failed attempts at {}: {}.</p>",
-            escape(&item.object),
+            escape(&item.name()),
             escape(&reasons.join("; "))
         );
     }
@@ -123,7 +123,7 @@ fn items_table(page: &mut String, items: &[ItemResult], times: &[ItemTiming]) {
             page,
             "<tr><td><span class=key style='background:rgb({r},{g},{b})'></span>{}<td class={class}>{}<td>{:?}<td>{}\
              <td class=n>{}<td class=n>{}<td class=n>{}<td class=n>{}<td class=n>{:.0}<td class=n>{:.2}<td class=n>{:.2}<td>{}</tr>",
-            escape(&item.object),
+            escape(&item.name()),
             item.outcome.words(),
             item.stage,
             escape(&item.reason),

@@ -345,3 +345,28 @@ fn objects_of_a_real_frame_are_found() {
     let near = adds_mm.iter().filter(|&&error| error < 10.0).count();
     assert!(near >= 14, "{near} of 15 within a centimetre: {adds_mm:?}");
 }
+
+#[test]
+fn of_two_of_a_kind_both_are_found() {
+    let folder = tempfile::tempdir().unwrap();
+    let (set, results) = (folder.path().join("set"), folder.path().join("r.csv"));
+    let set_name = set.to_str().unwrap();
+    let scenes =
+        ["scenes", "scenes/pairs.toml", "--scenes", "1", "--views", "B", "--seed", "5", "--out", set_name];
+    let output = grip(&scenes);
+    assert_eq!(code(&output), 0, "{}", stderr(&output));
+    let targets = std::fs::read_to_string(set.join("test_targets_bop19.json")).unwrap();
+    let targets: serde_json::Value = serde_json::from_str(&targets).unwrap();
+    let counts: Vec<u64> =
+        targets.as_array().unwrap().iter().map(|t| t["inst_count"].as_u64().unwrap()).collect();
+    assert_eq!(counts.iter().sum::<u64>(), 6);
+    assert_eq!(counts.iter().filter(|count| **count == 2).count(), 2);
+
+    let output = grip(&["estimate", set_name, "--boxes", "gt", "--out", results.to_str().unwrap()]);
+    assert_eq!(code(&output), 0, "{}", stderr(&output));
+    assert_eq!(poses(&results).len(), 7);
+    let figures = eval(&set, &results, &[]);
+    assert_eq!(figures["all"]["instances"], 6);
+    assert!(figures["all"]["found"].as_f64().unwrap() > 0.99, "{figures}");
+    common::python("check_bop.py", "numpy, PIL", &[&set]);
+}

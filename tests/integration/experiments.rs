@@ -138,8 +138,10 @@ fn trials_killed_and_split_are_the_trials_undisturbed() {
     // What goes wrong is said.
     let has = error(&strs(&with(&whole, &[])));
     assert!(has.contains("--resume"), "{has}");
-    let other = strs(&with(&whole, &["--resume", "--grasp-at", "best"]));
-    assert!(error(&other).contains("settings.planner.grasp.at"), "{}", error(&other));
+    let other = at("other.toml");
+    std::fs::write(&other, "[planner.grasp]\nkeep = 20\n").unwrap();
+    let other = strs(&with(&whole, &["--resume", "--settings", other.to_str().unwrap()]));
+    assert!(error(&other).contains("settings.planner.grasp.keep"), "{}", error(&other));
     let mixed = error(&[
         "merge",
         paths[0],

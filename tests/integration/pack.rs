@@ -180,3 +180,16 @@ fn scenes_of_the_project_are_valid() {
         grip_sim::condition::ConditionSpec::load_named(&conditions, &name).unwrap();
     }
 }
+
+#[test]
+fn two_of_a_kind_are_packed_each_once() {
+    let (result, _) =
+        pack(&["scenes/pairs.toml", "--estimator", "truth", "--seed", "3", "--renderer", "cpu"]);
+    let items = result["items"].as_array().unwrap();
+    let names: Vec<_> =
+        items.iter().map(|item| (item["object"].as_str().unwrap(), item["instance"].as_u64())).collect();
+    let cans = [("005_tomato_soup_can", None), ("005_tomato_soup_can", Some(2))];
+    assert_eq!(names[..2], cans, "{names:?}");
+    assert_eq!(result["requested"], 6);
+    assert_eq!(result["packed"], 6, "{result}");
+}

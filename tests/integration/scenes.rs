@@ -215,7 +215,6 @@ fn what_cannot_be_made_is_refused_with_a_reason_and_leaves_nothing() {
         (&["--views", "B,B"], "stands twice"),
         (&["--views", "a/b=base"], "a frame's name"),
         (&["--objects", "003_cracker_box,004_sugr_box"], "004_sugar_box"),
-        (&["--objects", "003_cracker_box,003_cracker_box"], "stands twice"),
         (&["--depth-noise", "kinect"], "kinect"),
         (&["--distortion", "0.1,0.2"], "five"),
         (&["--distortion", "nan,0,0,0,0"], "--distortion"),

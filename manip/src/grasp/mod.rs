@@ -1,4 +1,4 @@
-//! Grasps of an object, and their ranking in a scene and over a posterior.
+//! Grasps of an object, and their ranking in a scene.
 
 mod antipodal;
 mod contact;
@@ -7,7 +7,6 @@ mod grip_force;
 mod object_grasps;
 mod oriented;
 mod rank;
-mod robustness;
 mod settings;
 
 pub use antipodal::{GraspCandidate, antipodal_grasps, friction_cone, grasp_at, narrow_opening};
@@ -16,5 +15,4 @@ pub use grasp_set::{GraspFile, GraspPose, GraspSet, GraspSetError, read_poses};
 pub use grip_force::{GripForceSettings, grip_force};
 pub use object_grasps::{GraspCache, ObjectGrasps};
 pub use rank::{Grasp, GraspCounters, hand_may_touch, rank_grasps};
-pub use robustness::expected_success;
-pub use settings::{AntipodalSettings, GraspAt, GraspSettings, GraspWeights};
+pub use settings::{AntipodalSettings, GraspSettings, GraspWeights};

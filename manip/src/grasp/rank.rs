@@ -8,8 +8,7 @@ use serde::Serialize;
 use super::antipodal::narrow_opening;
 use super::object_grasps::ObjectGrasps;
 use super::oriented::{Scored, oriented};
-use super::robustness::expected_success;
-use super::settings::{GraspAt, GraspSettings};
+use super::settings::GraspSettings;
 use crate::belief::BeliefScene;
 use crate::collision::{
     CollisionBody, CollisionChecker, CollisionPair, CollisionQuery, Margins, RobotSolids,
@@ -32,8 +31,6 @@ pub struct Grasp {
     pub lever: f64,
     /// Share of the pads in contact, 0 to 1.
     pub contact_share: f64,
-    /// Share of the poses that the object may have for which the grasp holds it; 1 when only the best one was asked.
-    pub expected_success: f64,
     /// Sum of the weighted terms of [`super::GraspWeights`]; larger is better.
     pub score: f64,
 }
@@ -72,10 +69,7 @@ pub fn rank_grasps(
     gripper: &GripperConfig,
     settings: &GraspSettings,
 ) -> (Vec<Grasp>, GraspCounters) {
-    let object = &belief.objects[target];
     let base_from_world = belief.world_from_base.iso().inverse();
-    let w = &settings.weights;
-    let pad = gripper.pad_half_extents;
     let scored = oriented(grasps, belief, target, gripper, settings);
     let mut counters =
         GraspCounters { candidates: grasps.candidates.len(), oriented: scored.len(), ..Default::default() };
@@ -124,14 +118,7 @@ pub fn rank_grasps(
         };
         counters.free += 1;
         let clearance = checker.hand_clearance(&base_from_gripper, opening, &query, settings.clearance_full);
-        let expected_success = match (&grasps.surface, settings.at) {
-            (Some(surface), GraspAt::Posterior) => {
-                expected_success(surface, &pad, &world_from_gripper, opening, grasps.cone, &object.poses)
-            }
-            _ => 1.0,
-        };
         kept.push(Grasp {
-            expected_success,
             object_from_gripper: candidate.object_from_gripper,
             world_from_gripper,
             width: candidate.width,
@@ -139,9 +126,7 @@ pub fn rank_grasps(
             clearance,
             lever,
             contact_share: candidate.contact_share,
-            score: score
-                + w.clearance * clearance / settings.clearance_full
-                + w.expected_success * expected_success,
+            score: score + settings.weights.clearance * clearance / settings.clearance_full,
         });
     }
     kept.sort_by(|a, b| b.score.total_cmp(&a.score));

@@ -72,17 +72,6 @@ impl AntipodalSettings {
     }
 }
 
-/// Which poses of the object a grasp is scored at.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "snake_case")]
-pub enum GraspAt {
-    /// The best one alone.
-    Best,
-    /// The weighted poses of the belief: see [`super::expected_success`].
-    #[default]
-    Posterior,
-}
-
 /// Weights of a grasp's score, each 0 to 100. Each term is between 0 (bad) and 1 (good).
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
@@ -102,8 +91,6 @@ pub struct GraspWeights {
     pub depth: f64,
     /// Normals along the closing axis. Default 0.4.
     pub cone: f64,
-    /// Share of the posterior's poses at which the grasp holds ([`GraspAt::Posterior`]). Default 3.0: more than any other.
-    pub expected_success: f64,
     /// Distance of the hand from other things ([`GraspSettings::clearance_full`]). Default 0.6.
     pub clearance: f64,
 }
@@ -118,7 +105,6 @@ impl Default for GraspWeights {
             spread: 2.0,
             depth: 0.5,
             cone: 0.4,
-            expected_success: 3.0,
             clearance: 0.6,
         }
     }
@@ -138,7 +124,6 @@ impl GraspWeights {
             ("spread", self.spread),
             ("depth", self.depth),
             ("cone", self.cone),
-            ("expected_success", self.expected_success),
             ("clearance", self.clearance),
         ];
         weights
@@ -154,8 +139,6 @@ impl GraspWeights {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct GraspSettings {
-    /// Which poses of the object count, `best` or `posterior`. Default `posterior`.
-    pub at: GraspAt,
     /// Least downward part of the approach direction, -1 to 1. Default 0.17: up to 80 degrees from straight down.
     pub least_down: f64,
     /// Least distance of the hand from the table and other things at the grasp, metres, 0 to 0.1. Default 0.004.
@@ -174,7 +157,7 @@ pub struct GraspSettings {
     pub distinct_distance: f64,
     /// ... and turned by less than this, radians, 0 to pi. Default 0.21, 12 degrees.
     pub distinct_angle: f64,
-    /// A grasp of this score is worth taking before others are picked away, 0 to 1000. Default 7.5, of 10.7 that weights give
+    /// A grasp of this score is worth taking before others are picked away, 0 to 1000. Default 4.5, of 7.7 that weights give
     /// at most: of 60 grasps in clutter three of four that slipped were below it and two of 56 that held.
     pub firm: f64,
     /// What of the pads must stay on the object when a grasp that reaches too low is drawn back, metres, 0 to 0.1. Default
@@ -197,7 +180,6 @@ pub struct GraspSettings {
 impl Default for GraspSettings {
     fn default() -> Self {
         Self {
-            at: GraspAt::default(),
             least_down: 0.17,
             margin: 0.004,
             spread_share: 0.5,
@@ -206,7 +188,7 @@ impl Default for GraspSettings {
             most_tried: 1500,
             distinct_distance: 0.008,
             distinct_angle: 0.21,
-            firm: 7.5,
+            firm: 4.5,
             fingertips: 0.003,
             lever_scale: 0.06,
             contact_full: 0.34,

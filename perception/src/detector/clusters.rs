@@ -12,7 +12,7 @@ use super::detections::{Detection, Detections, Detector};
 use crate::checks::{Checked, part, within};
 use crate::error::{Error, Result};
 use crate::frame::{check_frame, is_reading};
-use crate::support::{SupportSettings, fit_support_plane};
+use crate::support::{SupportSettings, Supports};
 use crate::workspace::Workspace;
 
 /// Settings of [`Clusters`]. Figures in brackets are the defaults.
@@ -101,14 +101,15 @@ impl Clusters {
     /// Depth of the pixels that may be an object's, 0 elsewhere.
     fn foreground(&self, frame: &CameraFrame) -> Vec<f32> {
         let s = &self.settings;
-        let support = fit_support_plane(frame, &s.support, self.workspace.as_ref());
+        let supports = Supports::fit(frame, &s.support, self.workspace.as_ref());
         let (k, depth) = (&frame.intrinsics, &frame.depth);
         let mut out = depth.data().to_vec();
         for (i, z) in out.iter_mut().enumerate() {
             let p = k.back_project((i % k.width) as f64, (i / k.width) as f64, f64::from(*z));
             let keep = is_reading(*z)
-                && support.as_ref().is_none_or(|support| {
-                    (s.min_height_m..s.max_height_m).contains(&support.plane.height(&p)) && support.holds(&p)
+                && supports.as_ref().is_none_or(|supports| {
+                    let height = supports.height(&p, s.min_height_m);
+                    height.is_some_and(|height| (s.min_height_m..s.max_height_m).contains(&height))
                 })
                 && self.workspace.is_none_or(|w| w.contains(&frame.world_from_camera.transform_point(&p)));
             if !keep {

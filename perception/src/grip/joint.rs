@@ -177,7 +177,8 @@ where
             }
         }
         let share = (depth - joint.overlap_free_m) / (joint.overlap_full_m - joint.overlap_free_m).max(1e-6);
-        let afloat = self.observation.flat_plane().is_some_and(|(normal, offset)| {
+        let ground = self.observation.ground(&pose.translation.vector);
+        let afloat = ground.is_some_and(|(normal, offset)| {
             let lowest = offset - reach(&model.hull, pose, &-normal);
             lowest > joint.afloat_m && gap > joint.afloat_m
         });

@@ -95,7 +95,7 @@ pub(crate) fn propose<R: Rng>(
     model: &Model,
     observation: &Observation,
     boxes: &[BoxPrior],
-    plane: Option<&FlatPlane>,
+    planes: &[FlatPlane],
     settings: &ProposalSettings,
     count: usize,
     rng: &mut R,
@@ -106,7 +106,7 @@ pub(crate) fn propose<R: Rng>(
         let Some(chosen) = sample_by(boxes, |b| b.share, rng) else {
             break;
         };
-        let Some(pose) = draw(model, observation, chosen, plane, settings, rng) else {
+        let Some(pose) = draw(model, observation, chosen, planes, settings, rng) else {
             continue;
         };
         let Some(bounds) = projected_bounds(&model.outline, &pose, &observation.intrinsics) else {
@@ -130,7 +130,7 @@ fn draw<R: Rng>(
     model: &Model,
     observation: &Observation,
     chosen: &BoxPrior,
-    plane: Option<&FlatPlane>,
+    planes: &[FlatPlane],
     settings: &ProposalSettings,
     rng: &mut R,
 ) -> Option<Isometry3<f32>> {
@@ -147,6 +147,12 @@ fn draw<R: Rng>(
         ray.x = (scatter(b[0], b[2]) - k.cx as f32) / k.fx as f32;
         ray.y = (scatter(b[1], b[3]) - k.cy as f32) / k.fy as f32;
     }
+    let plane = match planes {
+        [] => None,
+        [plane] => Some(plane),
+        // On which one it stands is not known.
+        _ => Some(&planes[rng.random_range(0..planes.len())]),
+    };
     if let Some((up, offset)) = plane
         && rng.random::<f64>() < settings.resting_share
         && let Some(rest) = sample_by(&model.resting, |r| f64::from(r.weight), rng)

@@ -27,7 +27,8 @@ pub(crate) struct Search<'a> {
     model: &'a Model,
     observation: &'a Observation,
     boxes: &'a [BoxPrior],
-    plane: Option<FlatPlane>,
+    /// What objects stand on, the lowest first.
+    planes: Vec<FlatPlane>,
     settings: &'a GripSettings,
     renderer: &'a mut dyn Hypotheses,
     rendered: usize,
@@ -49,7 +50,7 @@ impl<'a> Search<'a> {
         settings: &'a GripSettings,
         renderer: &'a mut dyn Hypotheses,
     ) -> Self {
-        let plane = observation.flat_plane();
+        let planes = observation.flat_planes();
         let precise = || boxes.iter().filter(|b| !b.vague);
         let mut rest = DEPTH_SHARE * precise().map(|b| b.share).sum::<f64>();
         let mut depths: Vec<f32> = Vec::new();
@@ -71,7 +72,7 @@ impl<'a> Search<'a> {
             model,
             observation,
             boxes,
-            plane,
+            planes,
             settings,
             renderer,
             rendered: 0,
@@ -156,7 +157,7 @@ impl<'a> Search<'a> {
                     self.model,
                     self.observation,
                     self.boxes,
-                    self.plane.as_ref(),
+                    &self.planes,
                     &settings.proposal,
                     level.samples,
                     rng,
@@ -260,6 +261,7 @@ impl<'a> Search<'a> {
     pub fn judged(&mut self, batch: &Batch<'_>, poses: &mut [Isometry3<f32>]) -> Result<Vec<Parts>> {
         self.rendered += poses.len();
         let Self { settings, observation, boxes, .. } = *self;
+        let planes = &self.planes;
         let rendered = self.renderer.advance(batch, poses)?;
         let k = &observation.intrinsics;
         let judged = |rendered: &Option<Rendered>, pose: &Isometry3<f32>| {
@@ -272,7 +274,9 @@ impl<'a> Search<'a> {
                 return Parts::default();
             };
             let support = box_support(boxes, extent, batch.stride, k);
-            let lowest = observation.plane.is_some().then_some(extent.lowest);
+            // Over the plane that it is above; that over the lowest one was measured.
+            let lowest =
+                planes.first().map(|base| extent.lowest - observation.rise(base, &pose.translation.vector));
             parts(terms, &settings.score, batch.stride.pixels(), support, lowest)
         };
         Ok(rendered.iter().zip(poses.iter()).map(|(r, pose)| judged(r, pose)).collect())

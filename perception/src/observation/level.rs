@@ -7,7 +7,7 @@ use nalgebra::{Point3, Vector3};
 use super::edges::soft_distance;
 use super::settings::ObservationSettings;
 use super::stride::Stride;
-use crate::support::Support;
+use crate::support::{Support, Supports};
 use crate::workspace::Workspace;
 
 /// The frame at one resolution. Arrays are padded: row and column -1 exist, and at least eight columns on the right,
@@ -34,7 +34,7 @@ pub struct Level {
     pub w: Vec<f32>,
     /// Tolerance of inverse depth for the distance epsilon: `|w' - w| < tol w`; 1 where there is no reading.
     pub tol: Vec<f32>,
-    /// 0 for points on the support plane, beside it or outside the workspace, 1 for points well above it.
+    /// 0 for points on a support plane, beside all of them or outside the workspace, 1 for points well above.
     pub weight: Vec<f32>,
     /// `exp(-d^2 / 2 sigma^2)`, d the distance to the nearest near-side depth edge.
     pub edge: Vec<f32>,
@@ -53,14 +53,14 @@ pub(super) struct Sources<'a> {
     pub frame: &'a CameraFrame,
     /// Inverse depth at full resolution, 1/m; 0 for no reading.
     pub inverse: &'a [f32],
-    pub support: Option<&'a Support>,
+    pub supports: Option<&'a Supports>,
     pub workspace: Option<&'a Workspace>,
     pub settings: &'a ObservationSettings,
 }
 
 /// The level of a stride; `edges` are its pixels with a depth edge.
 pub(super) fn level(sources: &Sources<'_>, stride: Stride, edges: &[bool]) -> Level {
-    let Sources { frame, inverse, support, workspace, settings } = *sources;
+    let Sources { frame, inverse, supports, workspace, settings } = *sources;
     let (k, of) = (&frame.intrinsics, stride);
     let stride = of.pixels();
     let (width, height) = (k.width / stride, k.height / stride);
@@ -102,7 +102,7 @@ pub(super) fn level(sources: &Sources<'_>, stride: Stride, edges: &[bool]) -> Le
             }
         }
     }
-    let bounds = Bounds::new(frame, support, workspace, settings);
+    let bounds = Bounds::new(frame, supports, workspace, settings);
     judge(Isa::best(), &mut level, &bounds, settings.epsilon_m as f32);
     level.edge = soft_distance(&near, pitch, settings.edge_sigma_px as f32);
     level
@@ -113,26 +113,32 @@ type HalfSpace = [f32; 4];
 
 /// Where an object's points may be.
 struct Bounds {
-    /// Over the support plane: heights up to `band[0]` weigh nothing, from `band[1]` on fully.
+    /// Over the lowest support plane: heights up to `band[0]` weigh nothing, from `band[1]` on fully.
     plane: Option<HalfSpace>,
     band: [f32; 2],
-    /// Over the support's surface and in the workspace.
+    /// In the workspace.
     inside: Vec<HalfSpace>,
+    /// Over one of the surfaces, or little beside it: of each its sides.
+    surfaces: Vec<Vec<HalfSpace>>,
+    /// The planes above the lowest, each with the sides of its surface: what is on that weighs nothing, either.
+    steps: Vec<(HalfSpace, Vec<HalfSpace>)>,
 }
 
 impl Bounds {
     fn new(
         frame: &CameraFrame,
-        support: Option<&Support>,
+        supports: Option<&Supports>,
         workspace: Option<&Workspace>,
         settings: &ObservationSettings,
     ) -> Self {
         let flat = |n: &Vector3<f64>, d: f64| [n.x, n.y, n.z, d].map(|x| x as f32);
+        let plane = |support: &Support| flat(&support.plane.normal, support.plane.offset);
+        let sides = |support: &Support, margin: f64| -> Vec<HalfSpace> {
+            support.footprint.sides().iter().map(|(inward, offset)| flat(inward, margin - offset)).collect()
+        };
+        let all = supports.map_or(&[][..], Supports::all);
+        let higher = supports.map_or(&[][..], Supports::higher);
         let mut inside = Vec::new();
-        if let Some(support) = support {
-            let sides = support.footprint.sides().iter();
-            inside.extend(sides.map(|(inward, offset)| flat(inward, support.overhang_m - offset)));
-        }
         if let Some(workspace) = workspace {
             let camera_from_world = frame.world_from_camera.inverse();
             let camera = frame.world_from_camera.transform_point(&Point3::origin());
@@ -142,8 +148,13 @@ impl Bounds {
                 inside.push(flat(&-normal, workspace.max[axis] - camera[axis]));
             }
         }
-        let plane = support.map(|s| flat(&s.plane.normal, s.plane.offset));
-        Self { plane, band: [0.4, 1.4].map(|x| x * settings.plane_band_m as f32), inside }
+        Self {
+            plane: supports.map(|supports| plane(supports.base())),
+            band: [0.4, 1.4].map(|x| x * settings.plane_band_m as f32),
+            inside,
+            surfaces: all.iter().map(|support| sides(support, support.overhang_m)).collect(),
+            steps: higher.iter().map(|support| (plane(support), sides(support, 0.0))).collect(),
+        }
     }
 }
 
@@ -171,18 +182,29 @@ fn judge_body(level: &mut Level, bounds: &Bounds, epsilon: f32) {
             let scaled =
                 |[a, b, c, d]: &HalfSpace| F8::all(*a) * x + F8::all(*b) * y + F8::all(*c) + F8::all(*d) * w;
             let mut out = w.positive(one, zero);
-            if let Some(plane) = &bounds.plane {
+            // How far a height, times w, is through the band.
+            let through = |height: F8| {
                 let [low, high] = bounds.band.map(F8::all);
-                let over = (scaled(plane) - low * w) / (w.positive(w, one) * (high - low));
-                out = out.min(over.max(zero).min(one));
+                ((height - low * w) / (w.positive(w, one) * (high - low))).max(zero).min(one)
+            };
+            if let Some(plane) = &bounds.plane {
+                out = out.min(through(scaled(plane)));
             }
             if out == zero {
                 weight[b] = zero.0;
                 continue;
             }
-            let mut least = zero;
+            // Without a support everything is over one.
+            let over =
+                |sides: &Vec<HalfSpace>| sides.iter().fold(zero, |least, side| least.min(scaled(side)));
+            let mut least = bounds.surfaces.iter().map(over).reduce(F8::max).unwrap_or(zero);
             for side in &bounds.inside {
                 least = least.min(scaled(side));
+            }
+            for (plane, sides) in &bounds.steps {
+                let height = scaled(plane);
+                let on = out.min(through(height.max(zero - height)));
+                out = zero.above(over(sides), out, on);
             }
             weight[b] = zero.above(least, zero, out).0;
         }

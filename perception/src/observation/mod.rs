@@ -12,7 +12,7 @@ use std::sync::Arc;
 
 use grip_sim::camera::Intrinsics;
 use grip_sim::frame::CameraFrame;
-use nalgebra::Vector3;
+use nalgebra::{Point3, Vector3};
 use rayon::prelude::*;
 
 pub use self::level::Level;
@@ -22,7 +22,7 @@ pub use self::stride::Stride;
 use self::edges::near_edges;
 use self::level::{Sources, halved, level};
 use crate::frame::is_reading;
-use crate::support::{Plane, fit_support_plane};
+use crate::support::{Plane, Support, Supports};
 use crate::workspace::Workspace;
 
 /// Inverse depth of pixels that another object explains: an occluder right before the lens.
@@ -31,13 +31,17 @@ const EXPLAINED: f32 = 20.0;
 /// A plane for the kernels: unit normal and offset, metres, in the optical frame.
 pub type FlatPlane = (Vector3<f32>, f32);
 
-/// The frame at all resolutions, and the plane in it.
+fn flat(plane: &Plane) -> FlatPlane {
+    (plane.normal.into_inner().cast(), plane.offset as f32)
+}
+
+/// The frame at all resolutions, and the planes in it.
 #[derive(Debug, Clone)]
 pub struct Observation {
     /// Shared, so that what does not change is known by its address.
     levels: Vec<Arc<Level>>,
-    /// The support plane, if one was found.
-    pub plane: Option<Plane>,
+    /// What objects stand on, if anything was found.
+    supports: Option<Supports>,
     /// The camera at full resolution.
     pub intrinsics: Intrinsics,
 }
@@ -45,7 +49,7 @@ pub struct Observation {
 impl Observation {
     /// Prepares a frame. With a workspace only points in it can be an object's.
     pub fn new(frame: &CameraFrame, settings: &ObservationSettings, workspace: Option<&Workspace>) -> Self {
-        let support = fit_support_plane(frame, &settings.support, workspace);
+        let supports = Supports::fit(frame, &settings.support, workspace);
         let edges = near_edges(frame, settings);
         let inverse = |z: &f32| if is_reading(*z) { 1.0 / z } else { 0.0 };
         let inverse: Vec<f32> = frame.depth.data().iter().map(inverse).collect();
@@ -55,18 +59,55 @@ impl Observation {
         for stride in &Stride::ALL[..Stride::ALL.len() - 1] {
             near.push(halved(&near[near.len() - 1], size.map(|side| side / stride.pixels())));
         }
-        let sources = Sources { frame, inverse: &inverse, support: support.as_ref(), workspace, settings };
+        let sources = Sources { frame, inverse: &inverse, supports: supports.as_ref(), workspace, settings };
         let levels = Stride::ALL
             .par_iter()
             .zip(&near)
             .map(|(&stride, near)| Arc::new(level(&sources, stride, near)))
             .collect();
-        Self { levels, plane: support.map(|s| s.plane), intrinsics: frame.intrinsics }
+        Self { levels, supports, intrinsics: frame.intrinsics }
     }
 
-    /// The support plane for the kernels.
+    /// Puts everything on an endless plane.
+    #[cfg(test)]
+    pub(crate) fn stand_on(&mut self, plane: Plane) {
+        self.supports = Some(Supports::endless(plane));
+    }
+
+    /// The lowest support plane, if one was found.
+    pub fn plane(&self) -> Option<&Plane> {
+        self.supports.as_ref().map(|supports| &supports.base().plane)
+    }
+
+    /// The same for the kernels.
     pub fn flat_plane(&self) -> Option<FlatPlane> {
-        self.plane.map(|p| (p.normal.into_inner().cast(), p.offset as f32))
+        self.plane().map(flat)
+    }
+
+    /// The planes of all supports, the lowest first.
+    pub fn flat_planes(&self) -> Vec<FlatPlane> {
+        self.supports.iter().flat_map(Supports::all).map(|support| flat(&support.plane)).collect()
+    }
+
+    /// How much higher than the lowest plane, `base`, the ground is below something whose centre is at `centre`, metres.
+    pub fn rise(&self, base: &FlatPlane, centre: &Vector3<f32>) -> f32 {
+        if self.supports.as_ref().is_none_or(|supports| supports.higher().is_empty()) {
+            return 0.0;
+        }
+        let height = |(normal, offset): &FlatPlane| normal.dot(centre) + offset;
+        self.ground(centre).map_or(0.0, |ground| height(base) - height(&ground))
+    }
+
+    /// The support plane below something whose centre is at `centre`, optical frame, metres: the highest one that was seen there,
+    /// else the lowest.
+    pub fn ground(&self, centre: &Vector3<f32>) -> Option<FlatPlane> {
+        let supports = self.supports.as_ref()?;
+        let centre = Point3::from(centre.cast::<f64>());
+        let below = |support: &&Support| {
+            support.plane.height(&centre) > 0.0 && support.footprint.covers(&centre, 0.0)
+        };
+        let support = supports.higher().iter().rev().find(below).unwrap_or_else(|| supports.base());
+        Some(flat(&support.plane))
     }
 
     /// The level of a stride.

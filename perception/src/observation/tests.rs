@@ -2,7 +2,7 @@
 
 use super::edges::soft_distance;
 use super::*;
-use crate::support::SupportSettings;
+use crate::support::{SupportSettings, stepped};
 use grip_testkit::frames::painted;
 
 fn settings() -> ObservationSettings {
@@ -63,4 +63,26 @@ fn soft_distance_is_euclidean() {
     let soft = soft_distance(&marked, pitch, 2.0);
     let expected = (-(9.0f32 + 4.0) / 8.0).exp();
     assert!((soft[12 * pitch + 13] - expected).abs() < 1e-6);
+}
+
+#[test]
+fn what_is_on_a_step_weighs_nothing_and_what_stands_on_it_or_beside_it_does() {
+    let frame = stepped(0.08);
+    let observation = Observation::new(&frame, &ObservationSettings::default(), None);
+    let weight = |x: f64, y: f64, z: f64| {
+        let p = frame.world_from_camera.inverse().transform_point(&Point3::new(x, y, z));
+        let at = frame.intrinsics.project(&p).unwrap();
+        let level = observation.level(Stride::One);
+        level.weight[level.index(at.x.round() as i32, at.y.round() as i32)]
+    };
+    assert_eq!([weight(0.4, 0.2, 0.78), weight(0.4, -0.2, 0.7)], [0.0, 0.0], "step and table");
+    assert_eq!([weight(0.525, 0.15, 0.82), weight(0.525, -0.15, 0.74)], [1.0, 1.0], "blocks on them");
+    // The ground under each block is its own.
+    let camera_from_world = frame.world_from_camera.inverse();
+    let base = observation.flat_plane().unwrap();
+    let rise = |y: f64| {
+        let centre = camera_from_world.transform_point(&Point3::new(0.525, y, 0.8));
+        observation.rise(&base, &centre.coords.cast())
+    };
+    assert!((rise(0.15) - 0.08).abs() < 1e-3 && rise(-0.15) == 0.0, "{} {}", rise(0.15), rise(-0.15));
 }

@@ -152,7 +152,7 @@ fn count_body(
 ) -> Counts {
     let level = observation.level(Stride::One);
     // With a plane, what lies on it is nobody's.
-    let least = if observation.plane.is_some() { 0.5 } else { -1.0 };
+    let least = if observation.plane().is_some() { 0.5 } else { -1.0 };
     inlier.clear();
     inlier.resize(patch.width * patch.height, 0);
     // The columns whose pixels lie in the box.

@@ -59,6 +59,12 @@ impl Footprint {
         Some(Self { sides: pairs().map(side).collect(), area })
     }
 
+    /// All of a plane.
+    #[cfg(test)]
+    pub(crate) fn endless() -> Self {
+        Self { sides: Vec::new(), area: f64::INFINITY }
+    }
+
     /// Area of the hull, square metres.
     pub fn area(&self) -> f64 {
         self.area

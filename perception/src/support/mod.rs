@@ -1,9 +1,12 @@
-//! The surface that objects stand on: its plane, and how far it was seen to reach.
+//! The surfaces that objects stand on: their planes, and how far they were seen to reach.
 
 mod footprint;
 mod plane;
 mod settings;
 
 pub use self::footprint::Footprint;
-pub use self::plane::{Plane, Support, fit_support_plane};
+pub use self::plane::{Plane, Support, Supports};
 pub use self::settings::SupportSettings;
+
+#[cfg(test)]
+pub(crate) use self::plane::tests::stepped;

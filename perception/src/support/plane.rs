@@ -1,4 +1,4 @@
-//! The support plane (table top) in a depth image: seeded RANSAC, then least squares on the inliers.
+//! Support planes (table top, shelf, step) in a depth image: seeded RANSAC, then least squares on the inliers.
 
 use grip_sim::frame::CameraFrame;
 use grip_sim::rng;
@@ -44,20 +44,97 @@ impl Support {
     }
 }
 
+/// The level surfaces of a frame, one above the other: a table, and what steps and shelves there are.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Supports {
+    /// The lowest first.
+    levels: Vec<Support>,
+}
+
+impl Supports {
+    /// One plane without an end.
+    #[cfg(test)]
+    pub(crate) fn endless(plane: Plane) -> Self {
+        Self { levels: vec![Support { plane, footprint: Footprint::endless(), overhang_m: 0.0 }] }
+    }
+
+    /// The lowest surface that objects are looked for on.
+    pub fn base(&self) -> &Support {
+        &self.levels[0]
+    }
+
+    /// The surfaces above it, the lowest first.
+    pub fn higher(&self) -> &[Support] {
+        &self.levels[1..]
+    }
+
+    /// All of them, the lowest first.
+    pub fn all(&self) -> &[Support] {
+        &self.levels
+    }
+
+    /// Height of a point over the highest surface below it, metres; `None` for a point that is beside all of them. A surface
+    /// counts from `tolerance` metres below it on.
+    pub fn height(&self, point: &Point3<f64>, tolerance: f64) -> Option<f64> {
+        if !self.levels.iter().any(|support| support.holds(point)) {
+            return None;
+        }
+        let over = |support: &Support| {
+            let height = support.plane.height(point);
+            (height > -tolerance && support.footprint.covers(point, 0.0)).then_some(height)
+        };
+        let higher = self.higher().iter().rev().find_map(over);
+        Some(higher.unwrap_or_else(|| self.base().plane.height(point)))
+    }
+}
+
 /// Points are taken from every sixth pixel: about 8500 of a 640x480 image, plenty for a plane.
 const STRIDE: usize = 6;
 /// Draws are counted on every eighth of those.
 const COUNT_STEP: usize = 8;
+/// The largest plane, then up to two more: the floor may be larger than the table.
+const MAIN_PLANES: usize = 3;
+/// With further steps and shelves.
+const MOST_PLANES: usize = 5;
 /// Rounds of the least-squares refinement.
 const REFINEMENTS: usize = 4;
 
-/// Finds the surface that objects stand on; `None` when no plane has enough points, or the settings switch it off. With a workspace only points within its
-/// x and y range count. The draws come from a fixed stream: the same frame gives the same plane.
-pub fn fit_support_plane(
+impl Supports {
+    /// Finds the surfaces that objects stand on; `None` when no plane has enough points, or the settings switch it off. The
+    /// main one is the largest, or one above it that is nearly as large. With it go those parallel to it that are large
+    /// enough, and not too far above or below. With a workspace only points within its x and y range count. The draws come
+    /// from a fixed stream: the same frame gives the same planes.
+    pub fn fit(
+        frame: &CameraFrame,
+        settings: &SupportSettings,
+        workspace: Option<&Workspace>,
+    ) -> Option<Self> {
+        let (main, others) = main_and_others(frame, settings, workspace)?;
+        let mut levels = vec![main.clone()];
+        let further = |support: &Support| {
+            let rise = (main.plane.offset - support.plane.offset).abs();
+            support.footprint.area() >= settings.higher_area_m2
+                && support.plane.normal.dot(&main.plane.normal) > PARALLEL
+                && (LEAST_STEP..=settings.levels_m).contains(&rise)
+        };
+        levels.extend(others.into_iter().filter(further));
+        // The camera is above all of them: the higher a plane, the nearer.
+        levels.sort_by(|a, b| b.plane.offset.total_cmp(&a.plane.offset));
+        Some(Self { levels })
+    }
+}
+
+/// Cosine of the largest angle between planes of one support.
+const PARALLEL: f64 = 0.98;
+/// Planes nearer to each other are one, metres.
+const LEAST_STEP: f64 = 0.02;
+
+/// The surface that most objects stand on, and other planes.
+fn main_and_others(
     frame: &CameraFrame,
     settings: &SupportSettings,
     workspace: Option<&Workspace>,
-) -> Option<Support> {
+) -> Option<(Support, Vec<Support>)> {
     if !settings.enabled {
         return None;
     }
@@ -69,9 +146,9 @@ pub fn fit_support_plane(
         (up, settings.max_tilt_rad.cos())
     });
     let mut rng = rng::stream(0, "support-plane");
-    let mut best: Option<(Plane, usize)> = None;
-    // The largest plane, then up to two more: the floor may be larger than the table.
-    for _ in 0..3 {
+    let mut best: Option<(usize, usize)> = None;
+    let mut planes: Vec<Plane> = Vec::new();
+    for round in 0..MOST_PLANES {
         let Some(plane) = ransac(&points, settings, up, &mut rng) else {
             break;
         };
@@ -86,22 +163,28 @@ pub fn fit_support_plane(
             Footprint::new(&plane.normal, inliers.into_iter())
                 .is_some_and(|f| f.area() >= settings.higher_area_m2)
         };
-        let better = best.is_none_or(|(old, most)| {
-            count as f64 > settings.higher_share * most as f64
-                && plane.normal.dot(&old.normal) > 0.98
-                && plane.offset < old.offset - 0.02
-                && large()
-        });
+        let better = round < MAIN_PLANES
+            && best.is_none_or(|(old, most)| {
+                let old: &Plane = &planes[old];
+                count as f64 > settings.higher_share * most as f64
+                    && plane.normal.dot(&old.normal) > PARALLEL
+                    && plane.offset < old.offset - LEAST_STEP
+                    && large()
+            });
         if better {
-            best = Some((plane, best.map_or(count, |(_, most)| most)));
+            best = Some((planes.len(), best.map_or(count, |(_, most)| most)));
         }
+        planes.push(plane);
         // Everything near it goes, or its noisy rim would be found again.
         points.retain(|p| plane.height(p).abs() > 3.0 * settings.inlier_m);
     }
-    let (plane, _) = best?;
-    let close = all.into_iter().filter(|p| plane.height(p).abs() < settings.inlier_m);
-    let footprint = Footprint::new(&plane.normal, close)?;
-    Some(Support { plane, footprint, overhang_m: settings.overhang_m })
+    let main = planes.remove(best?.0);
+    let support = |plane: Plane| {
+        let close = all.iter().copied().filter(|p| plane.height(p).abs() < settings.inlier_m);
+        let footprint = Footprint::new(&plane.normal, close)?;
+        Some(Support { plane, footprint, overhang_m: settings.overhang_m })
+    };
+    Some((support(main)?, planes.into_iter().filter_map(support).collect()))
 }
 
 fn sample_points(frame: &CameraFrame, workspace: Option<&Workspace>) -> Vec<Point3<f64>> {
@@ -190,7 +273,7 @@ fn refine(mut plane: Plane, points: &[Point3<f64>], inlier_m: f64) -> Plane {
 }
 
 #[cfg(test)]
-mod tests {
+pub(crate) mod tests {
     use super::*;
     use grip_sim::camera::Intrinsics;
     use grip_sim::images::{Image, RgbImage};
@@ -228,12 +311,16 @@ mod tests {
         CameraFrame { rgb: RgbImage::new(640, 480), depth, intrinsics: k, world_from_camera: Pose::new(iso) }
     }
 
+    fn main_plane(frame: &CameraFrame, settings: &SupportSettings) -> Plane {
+        main_and_others(frame, settings, None).unwrap().0.plane
+    }
+
     #[test]
     fn finds_a_noisy_table_to_the_millimetre() {
         for (down, max_tilt_rad) in [(0.8, 0.1), (0.95, SupportSettings::ANY_TILT)] {
             let frame = frame(down, 3.0, 0.008);
             let settings = SupportSettings { max_tilt_rad, ..Default::default() };
-            let plane = fit_support_plane(&frame, &settings, None).unwrap().plane;
+            let plane = main_plane(&frame, &settings);
             assert!((plane.offset - 0.5).abs() < 0.001, "{plane:?}");
             let up = frame.world_from_camera.transform_vector(&plane.normal);
             assert!(up.z > 0.5f64.to_radians().cos(), "{up:?}");
@@ -243,7 +330,7 @@ mod tests {
     #[test]
     fn prefers_the_table_to_a_larger_floor() {
         let frame = frame(0.75, 0.5, 0.004);
-        let plane = fit_support_plane(&frame, &SupportSettings::default(), None).unwrap().plane;
+        let plane = main_plane(&frame, &SupportSettings::default());
         assert!((plane.offset - 0.5).abs() < 0.002, "{plane:?}");
     }
 
@@ -275,8 +362,57 @@ mod tests {
             top as f64 > SupportSettings::default().higher_share * table as f64,
             "{top} {table}: too small a box to be taken for one"
         );
-        let plane = fit_support_plane(&frame, &SupportSettings::default(), None).unwrap().plane;
+        let plane = main_plane(&frame, &SupportSettings::default());
         assert!((plane.offset - 0.5).abs() < 0.003, "{plane:?}");
+    }
+
+    /// The frame of a camera 1.2 m up over a table at 0.7 m that ends at x = 1.1, its floor, and a step of this height on the
+    /// table for y > 0; a block of 5 x 6 cm, 4 cm high, stands on the step and one on the table.
+    pub(crate) fn stepped(step: f64) -> CameraFrame {
+        let mut frame = frame(0.8, 1.1, 0.0);
+        let k = frame.intrinsics;
+        for v in 0..k.height {
+            for u in 0..k.width {
+                let ray =
+                    frame.world_from_camera.transform_vector(&k.back_project(u as f64, v as f64, 1.0).coords);
+                let top = |height: f64, inside: &dyn Fn(f64, f64) -> bool| {
+                    let z = (height - 1.2) / ray.z;
+                    (z > 0.0 && inside(z * ray.x, z * ray.y)).then_some(z as f32)
+                };
+                let block = |x: f64, y: f64| (0.50..0.55).contains(&x) && (0.12..0.18).contains(&y.abs());
+                let hits = [
+                    top(0.7 + step + 0.04, &|x, y| y > 0.0 && block(x, y)),
+                    top(0.7 + step, &|x, y| y > 0.0 && (0.3..0.9).contains(&x)),
+                    top(0.74, &|x, y| y < 0.0 && block(x, y)),
+                ];
+                if let Some(z) = hits.into_iter().flatten().reduce(f32::min) {
+                    *frame.depth.at_mut(u, v) = z;
+                }
+            }
+        }
+        frame
+    }
+
+    #[test]
+    fn a_step_is_a_second_support_and_the_floor_is_none() {
+        for step in [0.08, 0.2] {
+            let frame = stepped(step);
+            let supports = Supports::fit(&frame, &SupportSettings::default(), None).unwrap();
+            let heights: Vec<f64> = supports.all().iter().map(|support| 1.2 - support.plane.offset).collect();
+            assert_eq!(heights.len(), 2, "{heights:?}");
+            assert!((heights[0] - 0.7).abs() < 1e-3 && (heights[1] - 0.7 - step).abs() < 1e-3, "{heights:?}");
+            let camera_from_world = frame.world_from_camera.inverse();
+            let height = |x: f64, y: f64, z: f64| {
+                supports.height(&camera_from_world.transform_point(&Point3::new(x, y, z)), 0.005)
+            };
+            // Over the step, over the table beside it, below the step, beside both.
+            assert!((height(0.5, 0.15, 0.75 + step).unwrap() - 0.05).abs() < 1e-3);
+            assert!((height(0.5, -0.15, 0.75 + step).unwrap() - 0.05 - step).abs() < 1e-3);
+            assert!((height(0.5, 0.15, 0.7 + 0.5 * step).unwrap() - 0.5 * step).abs() < 1e-3);
+            assert_eq!(height(1.6, 0.0, 0.1), None);
+        }
+        let alone = SupportSettings { levels_m: 0.0, ..SupportSettings::default() };
+        assert_eq!(Supports::fit(&stepped(0.08), &alone, None).unwrap().all().len(), 1);
     }
 
     #[test]
@@ -284,6 +420,6 @@ mod tests {
         let mut frame = frame(0.8, 3.0, 0.0);
         let (w, h) = (640, 480);
         frame.depth = Image::filled(w, h, 1.0);
-        assert!(fit_support_plane(&frame, &SupportSettings::default(), None).is_none());
+        assert!(Supports::fit(&frame, &SupportSettings::default(), None).is_none());
     }
 }

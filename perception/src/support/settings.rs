@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::checks::{Checked, not_negative, within};
 
-/// Settings of [`super::fit_support_plane`]. Figures in brackets are the defaults.
+/// Settings of [`super::Supports`]. Figures in brackets are the defaults.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct SupportSettings {
@@ -28,6 +28,9 @@ pub struct SupportSettings {
     /// And when it is so large, square metres (0.08): more than the face of any object that a gripper holds. (A cracker box
     /// that lies near the camera fills as much of the image as the table around it, with 0.034.)
     pub higher_area_m2: f64,
+    /// Other planes that are parallel and as large as that are supports, too, when they are at most so far above or below,
+    /// metres, 0 to 10 (0.4: steps and shelves, but not the floor below a table); 0 for one support alone.
+    pub levels_m: f64,
     /// What is beyond the outline of the support by more than this does not stand on it, metres (0.04): objects may overhang.
     pub overhang_m: f64,
 }
@@ -42,6 +45,7 @@ impl Default for SupportSettings {
             min_share: 0.08,
             higher_share: 0.35,
             higher_area_m2: 0.08,
+            levels_m: 0.4,
             overhang_m: 0.04,
         }
     }
@@ -67,6 +71,7 @@ impl SupportSettings {
         within("min_share", self.min_share, 0.0..=1.0, "")?;
         within("higher_share", self.higher_share, 0.0..=1.0, "")?;
         not_negative("higher_area_m2", self.higher_area_m2)?;
+        within("levels_m", self.levels_m, 0.0..=10.0, "metres")?;
         not_negative("overhang_m", self.overhang_m)
     }
 }

@@ -144,13 +144,13 @@ impl Layout<'_> {
     fn places(&self, random: &mut ChaCha8Rng) -> std::result::Result<Vec<Placed>, String> {
         let Self { scene, models, settings, .. } = *self;
         let region = &scene.objects;
-        let placed = |model: &ObjectModel| region.placed.iter().find(|p| p.name == model.info.name);
+        let mut poses = region.fixed(models.iter().map(|model| model.info.name.as_str()));
         // Fixed places are taken first, so that nothing is dropped on them.
         let mut outlines: Vec<([f64; 2], f64)> = Vec::new();
-        for model in models {
-            if let Some(placed) = placed(model) {
-                let p = placed.pose.translation();
-                outlines.push(([p.x, p.y], reach(model, &placed.pose.rotation()).1));
+        for (model, pose) in models.iter().zip(&poses) {
+            if let Some(pose) = pose {
+                let p = pose.translation();
+                outlines.push(([p.x, p.y], reach(model, &pose.rotation()).1));
             }
         }
         // The widest objects choose first, while there is room; they enter the world in the scene's order.
@@ -164,7 +164,6 @@ impl Layout<'_> {
             .collect();
         let mut order: Vec<usize> = (0..models.len()).collect();
         order.sort_by(|&a, &b| turned[b].2.total_cmp(&turned[a].2));
-        let mut poses: Vec<_> = models.iter().map(|model| placed(model).map(|p| p.pose)).collect();
         for i in order {
             if poses[i].is_some() {
                 continue;
@@ -177,13 +176,16 @@ impl Layout<'_> {
                     apart >= radius + r + region.gap
                 });
                 let clear = scene.bin.distance(at[0], at[1]) >= radius + region.gap.max(settings.bin_gap_m);
-                (free && clear && inside(&scene.table, at[0], at[1], settings.edge_m)).then_some(at)
+                if !(free && clear && inside(&scene.table, at[0], at[1], settings.edge_m)) {
+                    return None;
+                }
+                Some((at, scene.ground(at[0], at[1], radius)?))
             });
-            let Some([x, y]) = place else {
+            let Some(([x, y], ground)) = place else {
                 return Err(format!("no free place for {}", models[i].info.name));
             };
             outlines.push(([x, y], radius));
-            let z = scene.table.height + below + settings.drop_m;
+            let z = ground + below + settings.drop_m;
             poses[i] = Some(Pose::new(Isometry3::from_parts(Translation3::new(x, y, z), rotation)));
         }
         Ok(models.iter().cloned().zip(poses.into_iter().flatten()).collect())
@@ -193,10 +195,10 @@ impl Layout<'_> {
     fn stack(&self, world: &mut World, clutter: Clutter, random: &mut ChaCha8Rng) -> Result<LaidOut> {
         let Self { scene, models, settings, accept } = *self;
         let region = &scene.objects;
-        let placed = |model: &ObjectModel| region.placed.iter().find(|p| p.name == model.info.name);
-        for model in models {
-            if let Some(placed) = placed(model) {
-                world.add_object(model.clone(), &placed.pose)?;
+        let fixed = region.fixed(models.iter().map(|model| model.info.name.as_str()));
+        for (model, fixed) in models.iter().zip(fixed) {
+            if let Some(pose) = fixed {
+                world.add_object(model.clone(), &pose)?;
                 continue;
             }
             let laid_before = world.object_count();
@@ -233,7 +235,7 @@ impl Layout<'_> {
         Ok(Ok(()))
     }
 
-    /// A random place against one of the first `count` objects: the pose on the table there, as if there were no other objects,
+    /// A random place against one of the first `count` objects: the pose on the ground there, as if there were no other objects,
     /// and the one just above whatever lies there, from which the object is laid down and does not fall.
     fn start(
         &self,
@@ -251,9 +253,10 @@ impl Layout<'_> {
             0 => somewhere(region, clutter.patch, random),
             _ => self.against(world, random.random_range(0..count), radius, clutter.patch, random),
         };
-        let table = scene.table.height;
-        let top = world.highest_point_near(x, y, radius, count).max(table);
-        [table, top].map(|z| {
+        // Over an edge or a slope it is dropped from where it clears all blocks, and comes to rest where it likes.
+        let ground = scene.ground(x, y, radius).unwrap_or_else(|| scene.highest_ground());
+        let top = world.highest_point_near(x, y, radius, count).max(ground);
+        [ground, top].map(|z| {
             Pose::new(Isometry3::from_parts(Translation3::new(x, y, z + below + settings.drop_m), rotation))
         })
     }

@@ -32,6 +32,8 @@ pub enum FixtureKind {
     Bin(BinKind),
     /// What the bin stands on when it stands beside the table.
     Stand,
+    /// A shelf, a step, a wall.
+    Block,
 }
 
 /// A solid that never moves.

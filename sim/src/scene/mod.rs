@@ -8,7 +8,8 @@
 //! | `mod` | the scene file and its checks; where the robot stands |
 //! | `camera` | the head camera, and the sphere on which other cameras stand |
 //! | `table`, `bin` | what the scene is built of |
-//! | `fixture` | their solids |
+//! | `block` | further solids: shelves, steps |
+//! | `fixture` | the solids of all these |
 //! | `objects` | what lies on the table |
 //! | `surroundings` | how it all looks |
 
@@ -23,6 +24,7 @@ use crate::pose::{Base, Pose, World};
 use crate::range::within;
 
 mod bin;
+mod block;
 mod camera;
 mod fixture;
 mod objects;
@@ -30,6 +32,7 @@ mod surroundings;
 mod table;
 
 pub use bin::Bin;
+pub use block::Block;
 pub use camera::{CameraSetup, IntrinsicsPreset, Sphere};
 pub use fixture::{BinKind, Fixture, FixtureKind};
 pub use objects::{Count, ObjectPlacement, PlacedObject};
@@ -59,6 +62,9 @@ pub struct Scene {
     pub table: Table,
     /// The bin that is packed.
     pub bin: Bin,
+    /// Further solids: shelves, steps, walls. What stands over one when it is laid out is put on top.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub blocks: Vec<Block>,
     /// What lies on the table.
     pub objects: ObjectPlacement,
 }
@@ -129,6 +135,12 @@ impl Scene {
         each("bin.wall_height", &[bin.wall_height], 0.01, 1.0)?;
         each("bin.wall_thickness", &[bin.wall_thickness], 0.002, 0.1)?;
         each("bin.friction", &[bin.friction], 0.0, 2.0)?;
+        for (i, block) in self.blocks.iter().enumerate() {
+            each(&format!("blocks[{i}].center"), &block.center, -10.0, 10.0)?;
+            each(&format!("blocks[{i}].size"), &block.size, 0.002, 5.0)?;
+            each(&format!("blocks[{i}].rpy"), &block.rpy, -7.0, 7.0)?;
+            each(&format!("blocks[{i}].friction"), &[block.friction], 0.0, 2.0)?;
+        }
         each("objects.center", &objects.center, -10.0, 10.0)?;
         each("objects.size", &objects.size, 0.02, 5.0)?;
         each("objects.gap", &[objects.gap], 0.0, 0.5)?;
@@ -143,11 +155,6 @@ impl Scene {
                 "objects.count = {{ min = {min}, max = {max} }}: must be 1 <= min <= max <= {}, the number of names",
                 objects.names.len()
             ));
-        }
-        for (i, name) in objects.names.iter().enumerate() {
-            if objects.names[..i].contains(name) {
-                return Err(format!("objects.names: '{name}' stands twice; each object may stand once"));
-            }
         }
         for axis in 0..2 {
             let (low, high) = (
@@ -165,15 +172,13 @@ impl Scene {
             }
         }
         for (i, placed) in objects.placed.iter().enumerate() {
-            if objects.placed[..i].iter().any(|earlier| earlier.name == placed.name) {
-                return Err(format!(
-                    "objects.placed: '{}' stands twice; place each object once",
-                    placed.name
-                ));
-            }
             let field = format!("objects.placed '{}'", placed.name);
-            if !objects.names.contains(&placed.name) {
-                return Err(format!("{field}: not in objects.names; add it there"));
+            let places = objects.placed[..=i].iter().filter(|other| other.name == placed.name).count();
+            let named = objects.names.iter().filter(|name| **name == placed.name).count();
+            if places > named {
+                return Err(format!(
+                    "{field}: place number {places}, but objects.names has {named} of it; add it there"
+                ));
             }
             let p = placed.pose.translation();
             if !table.holds(p.x, p.y) {
@@ -204,13 +209,25 @@ impl Scene {
         Pose::from_xyz_rpy([x, y, 0.0], [0.0, 0.0, self.robot.yaw])
     }
 
-    /// The fixed solids of the scene: table top and legs as one block each, bin floor and walls. World frame.
+    /// The fixed solids of the scene: table top and legs as one block each, bin floor and walls, further blocks. World frame.
     ///
     /// This is the map that the robot is given of its cell; it holds no object.
     pub fn fixtures(&self) -> Vec<Fixture> {
         let mut fixtures = self.table.solids();
         fixtures.extend(self.bin.solids(self.table.height));
+        fixtures.extend(self.blocks.iter().map(Block::solid));
         fixtures
+    }
+
+    /// Height above which there is nothing but objects, metres: the table's or the highest block's.
+    pub fn highest_ground(&self) -> f64 {
+        self.blocks.iter().map(Block::highest).fold(self.table.height, f64::max)
+    }
+
+    /// Height of the level ground, the table or the highest block, on which something with an outline of `radius` metres about
+    /// (x, y) can stand, metres; `None` where it would stand on an edge or a slope.
+    pub fn ground(&self, x: f64, y: f64, radius: f64) -> Option<f64> {
+        block::ground(&self.blocks, self.table.height, x, y, radius)
     }
 }
 
@@ -325,6 +342,25 @@ gap = 0.03
         assert_eq!(sizes.into_iter().collect::<Vec<_>>(), [5, 6, 7]);
         let error = message(|t| t.replace("gap = 0.03", "gap = 0.03\ncount = { min = 2, max = 3 }"));
         assert!(error.contains("objects.count = { min = 2, max = 3 }"), "{error}");
+    }
+
+    #[test]
+    fn a_name_may_stand_several_times_and_each_has_a_place_of_its_own() {
+        let two = |t: String| t.replace("names = [", "names = [\"005_tomato_soup_can\", ");
+        let at = |x: f64| {
+            format!(
+                "[[objects.placed]]\nname = \"005_tomato_soup_can\"\n\
+                 pose = {{ translation = [{x}, 0.0, 0.7], quaternion = [1.0, 0.0, 0.0, 0.0] }}\n"
+            )
+        };
+        assert_eq!(message(|t| two(t) + &at(0.6) + &at(0.7)), "accepted");
+        let error = message(|t| two(t) + &at(0.6) + &at(0.7) + &at(0.8));
+        assert!(error.contains("place number 3") && error.contains("objects.names has 2"), "{error}");
+        let scene: Scene = toml::from_str(&text(|t| two(t) + &at(0.6) + &at(0.7))).unwrap();
+        let places =
+            scene.objects.fixed(["005_tomato_soup_can", "011_banana", "005_tomato_soup_can"].into_iter());
+        let x: Vec<_> = places.iter().map(|place| place.as_ref().map(|pose| pose.translation().x)).collect();
+        assert_eq!(x, [Some(0.6), None, Some(0.7)]);
     }
 
     #[test]

@@ -11,7 +11,7 @@ use crate::pose::{Object, Pose, World};
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ObjectPlacement {
-    /// Objects by YCB name; each at most once.
+    /// Objects by YCB name; of one that stands here several times there are so many.
     pub names: Vec<String>,
     /// How many of them a run draws from its seed; all of them, in this order, unless given.
     #[serde(default)]
@@ -25,7 +25,8 @@ pub struct ObjectPlacement {
     /// Share of the objects that may lie that are dropped lying on a side, 0 to 1.
     #[serde(default)]
     pub lying_fraction: f64,
-    /// Objects at fixed places, by name; they are not dropped at random. They settle as well.
+    /// Objects at fixed places, by name; they are not dropped at random. They settle as well. Of several of a name the first is
+    /// at the first place of that name, and so on.
     #[serde(default)]
     pub placed: Vec<PlacedObject>,
 }
@@ -48,6 +49,16 @@ impl ObjectPlacement {
         let mut random = crate::rng::stream(seed, "objects");
         let count = random.random_range(min..=max);
         index::sample(&mut random, all, count).into_vec()
+    }
+
+    /// The fixed place of each of the objects `names`, if it has one.
+    pub fn fixed<'a>(&self, names: impl Iterator<Item = &'a str>) -> Vec<Option<Pose<World, Object>>> {
+        let mut places: Vec<&PlacedObject> = self.placed.iter().collect();
+        let mut place = |name: &str| {
+            let first = places.iter().position(|placed| placed.name == name)?;
+            Some(places.remove(first).pose)
+        };
+        names.map(&mut place).collect()
     }
 }
 

@@ -363,7 +363,7 @@ fn films(page: &mut String, sources: &Sources) -> Result<()> {
                 .iter()
                 .flat_map(|t| &t.items)
                 .filter(|item| !item.reason.is_empty())
-                .map(|item| format!("{}: {}, {}", item.object, item.outcome.words(), item.reason))
+                .map(|item| format!("{}: {}, {}", item.name(), item.outcome.words(), item.reason))
                 .collect();
             let Key { seed, scene, condition, estimator } = key;
             let mut caption = format!("{scene}, {condition}, {estimator}, seed {seed}");

@@ -15,7 +15,7 @@ use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
 use anyhow::{Context, Result, anyhow, bail, ensure};
-use grip_manip::{Grasp, GraspAt, Planner};
+use grip_manip::{Grasp, Planner};
 use grip_sim::scene::Scene;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -239,9 +239,8 @@ impl Sweep {
             first.checked_add(u64::from(options.seeds)).is_some(),
             "--seed {first}: too large; give a lower one"
         );
-        let mut planner_settings = setup.settings.planner.clone();
-        planner_settings.grasp.at = GraspAt::Best;
-        let planner = Planner::new(setup.cell.robot.clone(), setup.cell.config.clone(), planner_settings);
+        let settings = setup.settings.planner.clone();
+        let planner = Planner::new(setup.cell.robot.clone(), setup.cell.config.clone(), settings);
         Ok(Self {
             planner,
             setup,

@@ -141,7 +141,7 @@ fn terms_and_extents_are_those_of_the_cpu() {
     ] {
         let truth = placed(0.02, 0.03, 0.9, Vector3::new(0.5, 0.4, 0.3));
         let mut observation = observe(&model, &truth);
-        observation.plane = Some(Plane { normal: -Vector3::y_axis(), offset: 0.1 });
+        observation.stand_on(Plane { normal: -Vector3::y_axis(), offset: 0.1 });
         let mut seen = 0;
         for stride in Stride::ALL {
             let batch = batch(&model, &observation, stride);

@@ -46,7 +46,7 @@ pub(super) fn assemble(fixtures: &[Fixture], parts: &Parts) -> Furniture {
             FixtureKind::TableTop => &parts.table,
             FixtureKind::Bin(kind) => &parts.bins[kind as usize],
             FixtureKind::TableLeg => &parts.legs,
-            FixtureKind::Stand => &parts.stand,
+            FixtureKind::Stand | FixtureKind::Block => &parts.stand,
         };
         if fixture.kind == FixtureKind::TableTop {
             furniture.table_albedo = parts.table.albedo();
