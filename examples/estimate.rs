@@ -14,7 +14,15 @@ pub(crate) fn main() -> anyhow::Result<()> {
     let grip = Grip::open(&setup, DetectorKind::Pyramid, &NetworkOptions::default())?;
     let (cameras, asked) = ([frame.world_from_camera], Vec::from_iter(0..setup.models.len()));
     let (before, models) = (Vec::new(), &setup.models);
-    let look = Look { frame: &frame, cameras: &cameras, before: &before, models, asked: &asked, seed: 1 };
+    let look = Look {
+        frame: &frame,
+        cameras: &cameras,
+        before: &before,
+        models,
+        asked: &asked,
+        again: false,
+        seed: 1,
+    };
     for (i, posterior) in grip.look(&look)? {
         let truth = frame.world_from_camera.inverse() * world.truth(i);
         let (_, adds_m) = pose_errors(&setup.models[i], &truth, &posterior.best);

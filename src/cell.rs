@@ -42,9 +42,17 @@ impl Cell {
         let urdf = urdf.map_or_else(|| folder.join(&scene.robot.urdf), Path::to_path_buf);
         let robot = Arc::new(RobotModel::load(&urdf, package_path)?);
         let config = Arc::new(RobotConfig::load(&folder.join(&scene.robot.config), &robot)?);
-        let start = start_configuration(&scene, &robot, &config)
+        let start = start_configuration(&scene, &robot, &config, scene.robot.torso)
             .with_context(|| format!("{}: [robot]", scene_file.display()))?;
         Ok(Self { scene, robot, config, start, folder: folder.to_path_buf() })
+    }
+
+    /// The start configuration with the torso `torso` metres above its lower stop, the head looking at the same point.
+    ///
+    /// # Errors
+    /// When that is outside of the torso's limits.
+    pub fn start_at(&self, torso: f64) -> Result<Vec<f64>> {
+        start_configuration(&self.scene, &self.robot, &self.config, torso)
     }
 
     /// What the robot knows before it looks: table, bin and where it stands. No objects.
@@ -97,11 +105,15 @@ impl Cell {
     }
 }
 
-fn start_configuration(scene: &Scene, robot: &RobotModel, config: &RobotConfig) -> Result<Vec<f64>> {
+fn start_configuration(
+    scene: &Scene,
+    robot: &RobotModel,
+    config: &RobotConfig,
+    height: f64,
+) -> Result<Vec<f64>> {
     let mut q = config.configuration(robot, &scene.robot.start_pose)?;
     if let Some(torso) = config.arm_with_torso.iter().find(|joint| !config.arm.contains(joint)) {
         let limits = robot.joints()[*torso].limits;
-        let height = scene.robot.torso;
         ensure!(
             limits.contains(height),
             "torso = {height}: outside the limits of {} ({} to {} m)",

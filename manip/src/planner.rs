@@ -116,6 +116,18 @@ impl Planner {
         self.free_path(q_now, q_home, belief, None, seed)
     }
 
+    /// Points the head from how it stands in `q_now` to how it stands in `q_goal`; `None` where that is the same. Nothing is
+    /// near enough to a head for it to be planned.
+    pub fn plan_head(&self, q_now: &[f64], q_goal: &[f64]) -> Option<Trajectory> {
+        let head = [self.config.head.pan, self.config.head.tilt];
+        let [from, to] = [q_now, q_goal].map(|q| head.map(|joint| q[joint]).to_vec());
+        if from.iter().zip(&to).all(|(a, b)| (a - b).abs() < 5e-3) {
+            return None;
+        }
+        let path = SmoothPath::round(&[from.clone(), to], self.settings.speed.corner, &[], |_, _, _| true);
+        Some(time_path(&head, &from, &path, &self.limits_of(&head), self.settings.speed.dt))
+    }
+
     /// The grasps of `model`, made on first use.
     pub fn grasps(&self, model: &Arc<ObjectModel>) -> Arc<ObjectGrasps> {
         let settings = &self.settings.grasp.antipodal;
@@ -349,8 +361,12 @@ impl Planner {
 
     /// The group's limits times the shares that are used.
     pub(crate) fn limits(&self) -> MotionLimits {
+        self.limits_of(self.solver.joints())
+    }
+
+    fn limits_of(&self, joints: &[usize]) -> MotionLimits {
         let of = |f: fn(&grip_sim::robot::PlanningLimits) -> f64| {
-            self.solver.joints().iter().map(|&j| f(&self.config.limits[j])).collect()
+            joints.iter().map(|&j| f(&self.config.limits[j])).collect()
         };
         let speed = &self.settings.speed;
         MotionLimits { velocity: of(|l| l.velocity), acceleration: of(|l| l.acceleration) }

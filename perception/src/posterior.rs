@@ -170,6 +170,12 @@ impl PosePosterior {
         }
     }
 
+    /// Mass of the likeliest place beside that of the best pose; 0 where there is none. (The wide mode is no place.)
+    pub fn doubt(&self) -> f64 {
+        let others = self.modes.iter().skip(1).filter(|mode| mode.pose != self.best);
+        others.map(|mode| mode.mass).fold(0.0, f64::max)
+    }
+
     /// The same as seen by a camera that has moved; `to_from_here` is the new camera's frame from this one.
     #[must_use]
     pub fn seen_from(&self, to_from_here: &Pose<Camera, Camera>) -> Self {

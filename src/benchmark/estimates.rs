@@ -14,7 +14,7 @@ use grip_sim::bop::results::{Estimate, HEADER, read_results};
 use grip_sim::bop::{self, BopFrame, Dataset, Target};
 use grip_sim::frame::CameraFrame;
 use grip_sim::objects::ObjectModel;
-use grip_sim::pose::Pose;
+use grip_sim::pose::{Camera, Pose, World};
 use grip_sim::rng;
 use rand::RngExt;
 use rand::seq::SliceRandom;
@@ -74,6 +74,8 @@ type Done = BTreeMap<(u32, u32), Lines>;
 struct Last {
     /// What was believed, by the object's number: of each instance.
     beliefs: BTreeMap<u32, VecDeque<PosePosterior>>,
+    /// Where the camera was, where the data set says it.
+    camera: Option<Pose<World, Camera>>,
     /// The boxes, and for how many images they have served.
     boxes: Option<(Detections, usize)>,
 }
@@ -208,8 +210,16 @@ impl Run<'_> {
             .collect();
         let seed = image_seed(self.seed, (scene_id, im_id));
         let began = Instant::now();
-        let before: Vec<Option<PosePosterior>> =
-            objects.iter().map(|object| last.beliefs.get_mut(&object.info.bop_id)?.pop_front()).collect();
+        // What stands still has moved before the camera as the camera has moved, where that is known.
+        let now_from_last = bop.world_from_camera.zip(last.camera).map(|(now, then)| now.inverse() * then);
+        let carried = |belief: PosePosterior| match &now_from_last {
+            Some(motion) => belief.seen_from(motion),
+            None => belief,
+        };
+        let before: Vec<Option<PosePosterior>> = objects
+            .iter()
+            .map(|object| last.beliefs.get_mut(&object.info.bop_id)?.pop_front().map(carried))
+            .collect();
         // While most of what is asked for is there, boxes are about where they were: a detector takes longer than all the rest.
         let there = before.iter().flatten().filter(|before| before.there).count();
         let sure =
@@ -224,6 +234,7 @@ impl Run<'_> {
         let seconds = began.elapsed().as_secs_f64();
         let mut lines = Lines::default();
         last.beliefs.clear();
+        last.camera = bop.world_from_camera;
         for (object, belief) in objects.iter().zip(beliefs) {
             if self.track.is_some() {
                 last.beliefs.entry(object.info.bop_id).or_default().push_back(belief.clone());

@@ -104,7 +104,8 @@ impl Perception for Grip {
         let models = look.asked_models();
         let boxes = self.detector.detect(look.frame, &models).context("detector")?;
         let seed = rng::seed(look.seed, &format!("filter/{}", look.number()));
-        let before = if self.follow { known_before(look) } else { vec![None; look.asked.len()] };
+        let before =
+            if self.follow || look.again { known_before(look) } else { vec![None; look.asked.len()] };
         let posteriors =
             self.table.follow(&before, look.frame, &boxes, &models, seed).context("estimator")?;
         Ok(look.asked.iter().copied().zip(posteriors).collect())

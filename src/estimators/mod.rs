@@ -37,6 +37,8 @@ pub struct Look<'a> {
     pub models: &'a [Arc<ObjectModel>],
     /// Those whose poses are asked for, positions in `models`.
     pub asked: &'a [usize],
+    /// Whether nothing was handled since the last look, so that all is where it was: a second view of the same scene.
+    pub again: bool,
     /// The trial's seed.
     pub seed: u64,
 }

@@ -87,13 +87,15 @@ pub fn cells(trials: &[TrialResult]) -> Vec<Cell> {
 
 /// Every two estimators on the items of each scene and condition that both were given.
 pub fn pairs(trials: &[TrialResult]) -> Vec<Pairs> {
-    type Items<'a> = BTreeMap<(u64, &'a str), bool>;
+    type Items<'a> = BTreeMap<(u64, &'a str, u32), bool>;
     let mut groups: BTreeMap<[&str; 2], BTreeMap<&str, Items<'_>>> = BTreeMap::new();
     for trial in trials {
         let Key { seed, .. } = Key::of(trial);
         let by_estimator = groups.entry([&trial.scene, &trial.condition]).or_default();
         let items = by_estimator.entry(&trial.estimator).or_default();
-        items.extend(trial.items.iter().map(|i| ((seed, i.object.as_str()), i.outcome == Outcome::Packed)));
+        for item in &trial.items {
+            items.insert((seed, &item.object, item.instance), item.outcome == Outcome::Packed);
+        }
     }
     let mut found = Vec::new();
     for ([scene, condition], by_estimator) in groups {

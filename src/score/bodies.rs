@@ -33,6 +33,19 @@ impl Bodies {
         self.of_item.iter().position(|&of| of == body).unwrap_or(body)
     }
 
+    /// The first `items` items in the order of their bodies, the others as they are: their old numbers.
+    pub fn order(&self, items: usize) -> Vec<usize> {
+        let mut order: Vec<usize> = (0..self.of_item.len()).collect();
+        order[..items].sort_by_key(|&item| self.of(item));
+        order
+    }
+
+    /// The same when the item of the new number `i` has the old number `order[i]`.
+    #[must_use]
+    pub fn reordered(&self, order: &[usize]) -> Self {
+        Self { of_item: order.iter().map(|&item| self.of(item)).collect() }
+    }
+
     /// Two items change bodies.
     pub fn swap(&mut self, item: usize, other: usize) {
         self.of_item.swap(item, other);
@@ -83,6 +96,8 @@ mod tests {
         bodies.assign(&world, &[Some(at(0.71)), Some(at(0.5)), None], |_| false);
         assert_eq!([0, 1, 2].map(|i| bodies.of(i)), [2, 1, 0]);
         assert_eq!([0, 1, 2].map(|b| bodies.item(b)), [2, 1, 0]);
+        assert_eq!((bodies.order(3), bodies.order(2)), (vec![2, 1, 0], vec![1, 0, 2]));
+        assert_eq!([0, 1, 2].map(|i| bodies.reordered(&[1, 0, 2]).of(i)), [1, 2, 0]);
         bodies.assign(&world, &[Some(at(0.51)), None, Some(at(0.7))], |item| item == 0);
         assert_eq!(bodies.of(0), 2);
         bodies.assign(&world, &[Some(at(0.51)), None, Some(at(0.7))], |_| false);

@@ -127,7 +127,7 @@ pub fn finish(
             let info = &world.object(body).info;
             ItemResult {
                 object: info.name.clone(),
-                instance: instance(world, i),
+                instance: instance(world, body),
                 outcome,
                 stage,
                 reason,
@@ -148,7 +148,7 @@ pub fn finish(
         .collect()
 }
 
-/// The how manieth of its kind item `i` is, from 1 on.
+/// The number of body `i` among those of its kind, from 1 on.
 fn instance(world: &World, i: usize) -> u32 {
     let name = &world.object(i).info.name;
     1 + (0..i).filter(|&other| world.object(other).info.name == *name).count() as u32

@@ -12,6 +12,11 @@ pub struct TrialSettings {
     pub max_attempts: u32,
     /// Looks in a row after which nothing could be planned end the trial; 1 to 100. Default 2.
     pub max_fruitless_looks: u32,
+    /// When an item may lie in a second way, with at least this share of the belief, the robot looks from elsewhere before it
+    /// plans; 0 to 0.5. Default 0: never.
+    pub second_look_mass: f64,
+    /// How high the torso is there, metres over its lower stop; 0 to 1. Default 0.1. The head looks at the same point.
+    pub second_look_torso_m: f64,
     /// Simulated seconds after an attempt for what still rolls to come to rest; 0 to 60. Default 2.
     pub calm_s: f64,
     /// Simulated seconds at the end of the trial for everything to come to rest; 0 to 60. Default 8.
@@ -22,7 +27,15 @@ pub struct TrialSettings {
 
 impl Default for TrialSettings {
     fn default() -> Self {
-        Self { max_attempts: 3, max_fruitless_looks: 2, calm_s: 2.0, final_settle_s: 8.0, drift_s: 1.0 }
+        Self {
+            max_attempts: 3,
+            max_fruitless_looks: 2,
+            second_look_mass: 0.0,
+            second_look_torso_m: 0.1,
+            calm_s: 2.0,
+            final_settle_s: 8.0,
+            drift_s: 1.0,
+        }
     }
 }
 
@@ -32,6 +45,8 @@ impl TrialSettings {
     pub fn validate(&self) -> std::result::Result<(), String> {
         within("max_attempts", f64::from(self.max_attempts), 1.0, 100.0)?;
         within("max_fruitless_looks", f64::from(self.max_fruitless_looks), 1.0, 100.0)?;
+        within("second_look_mass", self.second_look_mass, 0.0, 0.5)?;
+        within("second_look_torso_m", self.second_look_torso_m, 0.0, 1.0)?;
         within("calm_s", self.calm_s, 0.0, 60.0)?;
         within("final_settle_s", self.final_settle_s, 0.0, 60.0)?;
         within("drift_s", self.drift_s, 0.0, 60.0)

@@ -3,6 +3,7 @@
 //!
 //! | file | what it holds |
 //! |---|---|
+//! | `look` | looking: frames, estimates, a second view |
 //! | `port` | the robot port over the physics world, and the score's window on it |
 //! | `belief` | what the robot believes after a look |
 //! | `film` | pictures of a trial from outside |
@@ -14,6 +15,7 @@
 mod belief;
 pub mod bop;
 pub mod film;
+mod look;
 mod port;
 pub mod report;
 #[cfg(test)]
@@ -22,24 +24,21 @@ mod tests;
 use std::path::PathBuf;
 use std::time::Instant;
 
-use anyhow::{Result, ensure};
+use anyhow::{Context, Result, ensure};
 use grip_manip::executor::{ExecutionReport, execute, execute_motion, release_in_place};
 use grip_manip::{PickPlacePlan, PlanStage, Planner, Risk};
-use grip_perception::PosePosterior;
 use grip_physics::World;
-use grip_sim::frame::CameraFrame;
-use grip_sim::images::{LabelImage, RgbImage};
+use grip_sim::images::RgbImage;
 use grip_sim::pose::{Camera, Object, Pose, World as WorldFrame};
-use grip_sim::render::{Instance, RenderScene, Renderer};
-use nalgebra::Point3;
+use grip_sim::render::Renderer;
 
 use self::belief::Belief;
 use self::film::{Film, Strip};
+pub use self::look::Seen;
 use self::port::TrialObserver;
 pub(crate) use self::port::{SharedWorld, WorldPort};
 use self::report::LookPictures;
-use crate::estimators::{Estimates, Estimator, Look, told_apart};
-use crate::pictures;
+use crate::estimators::{Estimates, Estimator};
 use crate::progress::Progress;
 use crate::scenario::Scenario;
 use crate::score::outcome::{ItemTiming, Measures, Outcome, Stage, TRIAL_SCHEMA, Timing, TrialResult};
@@ -113,23 +112,13 @@ pub struct Trial<'a> {
     cameras: Vec<Pose<WorldFrame, Camera>>,
     /// What was believed at the last one.
     before: Estimates,
+    /// Joints for a second look from elsewhere, if there is to be one.
+    second_view: Option<Vec<f64>>,
     joints: JointLog,
     film: Film<'a>,
     looks: Vec<LookPictures>,
     /// What was handled last, and where everything was when it had come to rest afterwards.
     handled: Option<(usize, Vec<Location>)>,
-}
-
-/// What a look has shown.
-pub struct Seen {
-    /// What the camera saw.
-    pub frame: CameraFrame,
-    /// The objects that were looked for, positions in the setup's list.
-    pub asked: Vec<usize>,
-    /// What is estimated of them.
-    pub estimates: Estimates,
-    /// ADD and ADD-S of those estimates by object, metres; for the score alone.
-    errors: Vec<Option<(f64, f64)>>,
 }
 
 /// What is to be done next.
@@ -167,7 +156,13 @@ pub fn run(
         let seen = trial.look()?;
         let belief = trial.believe(&seen);
         let choice = trial.choose(&belief, &seen);
-        trial.picture(&seen, choice.as_ref())?;
+        trial.picture(
+            &seen,
+            match &choice {
+                Some(choice) => format!("picks {}", trial.name(choice.object)),
+                None => "nothing can be picked".to_owned(),
+            },
+        )?;
         let Some(choice) = choice else {
             fruitless += 1;
             continue;
@@ -216,6 +211,7 @@ impl<'a> Trial<'a> {
             bodies: Bodies::new(most),
             cameras: Vec::new(),
             before: Estimates::new(),
+            second_view: second_view(setup)?,
             joints: JointLog::default(),
             looks: Vec::new(),
             handled: None,
@@ -235,92 +231,6 @@ impl<'a> Trial<'a> {
     /// The number of the present look, from 0 on.
     fn number(&self) -> usize {
         self.cameras.len() - 1
-    }
-
-    /// Looks, estimates everything that is not believed to be in the bin, and looks again at what is.
-    ///
-    /// # Errors
-    /// When renderer, detector or estimator fail.
-    pub fn look(&mut self) -> Result<Seen> {
-        let packed = self.records.iter().filter(|record| record.believed_packed.is_some()).count();
-        self.progress.message(&format!(
-            "look {}: estimating poses ({packed} of {} packed)",
-            self.cameras.len() + 1,
-            self.items
-        ));
-        let (frame, _) = self.setup.capture(&self.world, self.renderer, self.cameras.len())?;
-        self.cameras.push(frame.world_from_camera);
-        let in_bin = |record: &ItemRecord| record.believed_packed.is_some();
-        let (inside, asked): (Vec<usize>, Vec<usize>) =
-            (0..self.records.len()).partition(|&i| in_bin(&self.records[i]));
-        let estimates = self.estimate(&frame, &asked, false)?;
-        let mut believed = vec![None; self.records.len()];
-        for (i, posterior) in &estimates {
-            believed[*i] = Some(frame.world_from_camera * posterior.best);
-        }
-        self.bodies.assign(&self.world, &believed, |i| self.records[i].believed_packed.is_some());
-        let mut errors = vec![None; self.records.len()];
-        for (i, posterior) in &estimates {
-            let record = &mut self.records[*i];
-            record.estimate_s += posterior.seconds;
-            let body = self.bodies.of(*i);
-            let truth = frame.world_from_camera.inverse() * self.world.truth(body);
-            errors[*i] = Some(score::pose_errors(self.world.object(body), &truth, &posterior.best));
-            // After an attempt the errors of the look before it stay.
-            if record.attempts == 0 {
-                record.record_errors(errors[*i]);
-            }
-        }
-        if !inside.is_empty() {
-            let again = self.estimate(&frame, &inside, true)?;
-            self.correct_places(&frame, &again);
-        }
-        self.before.clone_from(&estimates);
-        Ok(Seen { frame, asked, estimates, errors })
-    }
-
-    /// What the estimator says of the objects `asked`, on the table or in the bin.
-    fn estimate(&self, frame: &CameraFrame, asked: &[usize], in_bin: bool) -> Result<Estimates> {
-        let Self { setup, cameras, before, world, .. } = self;
-        let models = &setup.models;
-        let look = Look { frame, cameras, before, models, asked, seed: setup.seed };
-        let estimates = match self.estimator {
-            Estimator::Perception(perception) if in_bin => perception.look_into_bin(&look)?,
-            Estimator::Perception(perception) => perception.look(&look)?,
-            Estimator::Truth => truth(world, frame, asked),
-        };
-        let least = setup.settings.belief.least_confidence;
-        let confident = |posterior: &PosePosterior| posterior.confidence >= least;
-        let last = cameras.len().checked_sub(2).map(|look| cameras[look]);
-        let known = |i: usize| {
-            if in_bin {
-                return self.records[i].believed_packed;
-            }
-            let (_, posterior) = before.iter().find(|(of, posterior)| *of == i && confident(posterior))?;
-            Some(last? * posterior.best)
-        };
-        Ok(told_apart(estimates, models, &frame.world_from_camera, confident, known))
-    }
-
-    /// Corrects where items lie in the bin: things tip over when they are let go, and the next place is planned around them.
-    /// A pose that is not confident, not in the bin, or far from where the item was put is not taken.
-    fn correct_places(&mut self, frame: &CameraFrame, estimates: &Estimates) {
-        let settings = &self.setup.settings.belief;
-        for (i, posterior) in estimates {
-            let record = &mut self.records[*i];
-            record.estimate_s += posterior.seconds;
-            let pose = frame.world_from_camera * posterior.best;
-            let centre = Point3::from(pose.translation());
-            let moved = record
-                .believed_packed
-                .map_or(f64::INFINITY, |put| (put.translation() - centre.coords).norm());
-            if posterior.confidence >= settings.least_confidence
-                && moved < settings.moved_in_bin_m
-                && self.setup.cell.scene.bin.contains(&centre, settings.over_bin_m)
-            {
-                record.believed_packed = Some(pose);
-            }
-        }
     }
 
     /// The belief after a look: what was estimated with some confidence, what was put into the bin where it was put, and
@@ -366,7 +276,7 @@ impl<'a> Trial<'a> {
     /// A plan for object `b` of the belief, or a word in its record why there is none.
     fn plan(&mut self, belief: &Belief, b: usize, risk: Risk) -> Option<Choice> {
         let (i, number) = (belief.index[b], self.number());
-        let name = self.setup.name(i);
+        let name = self.name(i);
         self.progress.message(&format!("look {}: planning for {name}", number + 1));
         let clock = Instant::now();
         let seed = self.setup.stream(&format!("plan/{number}/{i}"));
@@ -392,7 +302,7 @@ impl<'a> Trial<'a> {
     /// Carries the plan out with the score watching, and goes back to where the camera sees the table.
     pub fn act(&mut self, seen: &Seen, belief: Belief, choice: &Choice) -> Attempt {
         let i = choice.object;
-        let name = self.setup.name(i);
+        let name = self.name(i);
         self.progress.message(&format!("look {}: packing {name}", self.number() + 1));
         let attempt = Attempt { object: i, locations: self.locations(), poses: self.world.poses() };
         self.world.reset_peaks();
@@ -437,7 +347,7 @@ impl<'a> Trial<'a> {
         let settings = &self.setup.settings;
         let hand = self.setup.cell.config.gripper.link;
         let monitor = Some(GraspMonitor::begin(&self.world, self.bodies.of(i), hand, &settings.success));
-        self.film.begin(&self.world, &plan.object);
+        self.film.begin(&self.world, &self.name(i));
         let shared = SharedWorld::new(&mut self.world);
         let mut observer =
             TrialObserver { world: &shared, monitor, joints: &mut self.joints, film: &mut self.film };
@@ -453,6 +363,11 @@ impl<'a> Trial<'a> {
             );
         }
         (report, observer.monitor)
+    }
+
+    /// The name of an item for people, who know which of several it is.
+    fn name(&self, item: usize) -> String {
+        self.setup.name(self.bodies.of(item))
     }
 
     fn same_kind(&self, item: usize, body: usize) -> bool {
@@ -474,25 +389,34 @@ impl<'a> Trial<'a> {
     /// Moves the arm back to where the camera sees the table. When no path is found, or the way is blocked, the robot stays
     /// and the next look has to do with what it sees.
     fn go_home(&mut self, belief: Belief) {
-        let Setup { cell, settings, .. } = self.setup;
-        let seed = self.setup.stream(&format!("home/{}", self.number()));
-        match self.planner.plan_home(&belief.scene, self.world.joints(), &cell.start, seed) {
-            Ok(trajectory) => {
-                let shared = SharedWorld::new(&mut self.world);
-                let mut port = WorldPort::new(&shared);
-                let mut observer = TrialObserver {
-                    world: &shared,
-                    monitor: None,
-                    joints: &mut self.joints,
-                    film: &mut self.film,
-                };
-                let report = execute_motion(&mut port, &trajectory, &settings.executor, &mut observer);
-                if let Some((.., reason)) = report.failure() {
-                    log::info!("on the way home: {reason}");
-                }
+        let setup = self.setup;
+        self.moves(&belief, &setup.cell.start, "home");
+    }
+
+    /// Moves to a configuration; whether it came there.
+    fn moves(&mut self, belief: &Belief, goal: &[f64], where_to: &str) -> bool {
+        let settings = &self.setup.settings;
+        let seed = self.setup.stream(&format!("{where_to}/{}", self.number()));
+        let trajectory = match self.planner.plan_home(&belief.scene, self.world.joints(), goal, seed) {
+            Ok(trajectory) => trajectory,
+            Err(failure) => {
+                log::info!("{where_to}: no way: {failure}");
+                return false;
             }
-            Err(failure) => log::info!("no way home: {failure}"),
+        };
+        let head = self.planner.plan_head(self.world.joints(), goal);
+        let shared = SharedWorld::new(&mut self.world);
+        let mut port = WorldPort::new(&shared);
+        let mut observer =
+            TrialObserver { world: &shared, monitor: None, joints: &mut self.joints, film: &mut self.film };
+        for trajectory in std::iter::once(trajectory).chain(head) {
+            let report = execute_motion(&mut port, &trajectory, &settings.executor, &mut observer);
+            if let Some((.., reason)) = report.failure() {
+                log::info!("on the way, {where_to}: {reason}");
+                return false;
+            }
         }
+        true
     }
 
     /// What still rolls comes to rest; then what the attempt did to the other items is noted.
@@ -538,48 +462,6 @@ impl<'a> Trial<'a> {
         score::locations(&self.world, &self.setup.cell.scene, &self.setup.settings.success)
     }
 
-    /// Keeps the pictures of a look, if all are wanted: the believed poses as outlines on the frame.
-    fn picture(&mut self, seen: &Seen, choice: Option<&Choice>) -> Result<()> {
-        if !matches!(self.options.pictures, Pictures::All { .. }) {
-            return Ok(());
-        }
-        let least = self.setup.settings.belief.least_confidence;
-        let frame = &seen.frame;
-        let believed = seen.estimates.iter().filter(|(_, posterior)| posterior.confidence >= least);
-        let outlines = self
-            .outlines(frame, believed.map(|(i, posterior)| (*i, frame.world_from_camera * posterior.best)))?;
-        self.looks.push(LookPictures {
-            caption: match choice {
-                Some(choice) => format!("picks {}", self.setup.name(choice.object)),
-                None => "nothing can be picked".to_string(),
-            },
-            rgb: frame.rgb.clone(),
-            depth: frame.depth.clone(),
-            overlay: pictures::outlines(&frame.rgb, &outlines),
-            asked: seen.asked.clone(),
-            world_from_camera: frame.world_from_camera,
-        });
-        Ok(())
-    }
-
-    /// Labels of objects drawn alone at believed poses, as the camera of `frame` would see them.
-    fn outlines(
-        &mut self,
-        frame: &CameraFrame,
-        believed: impl Iterator<Item = (usize, Pose<WorldFrame, Object>)>,
-    ) -> Result<LabelImage> {
-        let instance = |(i, pose): (usize, Pose<WorldFrame, Object>)| Instance {
-            visual: self.setup.models[i].visual.clone(),
-            pose: *pose.iso(),
-            label: i as u16 + 1,
-        };
-        let scene = RenderScene { instances: believed.map(instance).collect(), bounce: None };
-        let lighting = &self.setup.condition.lighting;
-        let rendering =
-            self.renderer.render(&scene, lighting, &frame.intrinsics, &frame.world_from_camera)?;
-        Ok(rendering.labels)
-    }
-
     /// Waits until everything is at rest, and scores.
     ///
     /// # Errors
@@ -593,7 +475,11 @@ impl<'a> Trial<'a> {
         }
         self.note_blows();
         let drift_m = self.world.drift(settings.drift_s);
-        let Self { setup, mut records, bodies, world, renderer, progress, film, .. } = self;
+        let Self { setup, records, bodies, world, renderer, progress, film, .. } = self;
+        // The robot numbers several of a kind as it likes; results are of bodies, so that runs can be compared.
+        let order = bodies.order(self.items);
+        let (mut records, bodies): (Vec<ItemRecord>, Bodies) =
+            (order.iter().map(|&i| records[i].clone()).collect(), bodies.reordered(&order));
         let criteria = &setup.settings.success;
         let items = finish(&setup.cell.scene, &world, criteria, (&mut records, &bodies), self.items);
         let packed = items.iter().filter(|item| item.outcome == Outcome::Packed).count();
@@ -643,12 +529,12 @@ impl<'a> Trial<'a> {
     }
 }
 
-/// Perfect posteriors of the objects `asked`.
-fn truth(world: &World, frame: &CameraFrame, asked: &[usize]) -> Estimates {
-    let camera_from_world = frame.world_from_camera.inverse();
-    let certain = |&i: &usize| {
-        let pose = camera_from_world * world.truth(i);
-        (i, PosePosterior::certain(&world.object(i).info.name, pose))
-    };
-    asked.iter().map(certain).collect()
+/// Joints for the second look that the settings want: the torso at another height, the head looking at the same point.
+fn second_view(setup: &Setup) -> Result<Option<Vec<f64>>> {
+    let settings = &setup.settings.trial;
+    if settings.second_look_mass == 0.0 {
+        return Ok(None);
+    }
+    let view = setup.cell.start_at(settings.second_look_torso_m);
+    view.context("settings: trial.second_look_torso_m").map(Some)
 }

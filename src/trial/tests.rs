@@ -1,3 +1,4 @@
+use super::look::truth;
 use super::*;
 use crate::progress::Quiet;
 use crate::setup::SetupOptions;

@@ -196,17 +196,19 @@ pub fn tables(sources: &Sources) -> Result<Vec<(&'static str, String)>> {
             );
         }
         files.push(("trials", text));
-        let mut text =
-            String::from("seed,scene,condition,estimator,object,outcome,attempts,add_m,adds_m,slip_m\n");
+        let mut text = String::from(
+            "seed,scene,condition,estimator,object,instance,outcome,attempts,add_m,adds_m,slip_m\n",
+        );
         for (trial, item) in sources.trials.iter().flat_map(|t| t.items.iter().map(move |i| (t, i))) {
             let number = |v: Option<f64>| v.map_or(String::new(), |v| v.to_string());
             text += &format!(
-                "{},{},{},{},{},{},{},{},{},{}\n",
+                "{},{},{},{},{},{},{},{},{},{},{}\n",
                 trial.seed,
                 quoted(&trial.scene),
                 quoted(&trial.condition),
                 quoted(&trial.estimator),
                 quoted(&item.object),
+                item.instance,
                 quoted(item.outcome.words()),
                 item.attempts,
                 number(item.add_m),

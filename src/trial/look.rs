@@ -1,0 +1,197 @@
+//! Looking: what the camera sees, what is estimated from it, and where each thing is then believed to be.
+
+use anyhow::Result;
+use grip_perception::PosePosterior;
+use grip_physics::World;
+use grip_sim::frame::CameraFrame;
+use grip_sim::images::LabelImage;
+use grip_sim::pose::{Object, Pose, World as WorldFrame};
+use grip_sim::render::{Instance, RenderScene};
+use nalgebra::Point3;
+
+use super::report::LookPictures;
+use super::{Pictures, Trial};
+use crate::estimators::{Estimates, Estimator, Look, told_apart};
+use crate::pictures;
+use crate::score;
+use crate::score::record::ItemRecord;
+
+/// What a look has shown.
+pub struct Seen {
+    /// What the camera saw.
+    pub frame: CameraFrame,
+    /// The objects that were looked for, positions in the setup's list.
+    pub asked: Vec<usize>,
+    /// What is estimated of them.
+    pub estimates: Estimates,
+    /// ADD and ADD-S of those estimates by object, metres; for the score alone.
+    pub(super) errors: Vec<Option<(f64, f64)>>,
+}
+
+impl Trial<'_> {
+    /// Looks, estimates everything that is not believed to be in the bin, and looks again at what is. Where it is not sure
+    /// which of two ways an object lies, and the settings want it, it goes elsewhere first and looks a second time.
+    ///
+    /// # Errors
+    /// When renderer, detector or estimator fail.
+    pub fn look(&mut self) -> Result<Seen> {
+        let seen = self.see(false)?;
+        if !self.is_in_doubt(&seen) || !self.goes_to_second_view(&seen) {
+            return Ok(seen);
+        }
+        self.picture(&seen, "looks again from elsewhere".to_owned())?;
+        self.see(true)
+    }
+
+    /// Whether an open item has a second place that is about as likely as the first.
+    fn is_in_doubt(&self, seen: &Seen) -> bool {
+        let settings = &self.setup.settings;
+        let least = settings.trial.second_look_mass;
+        let open = self.open_items();
+        self.second_view.is_some()
+            && seen.estimates.iter().any(|(i, posterior)| {
+                open.contains(i)
+                    && posterior.confidence >= settings.belief.least_confidence
+                    && posterior.doubt() >= least
+            })
+    }
+
+    /// Moves the head to the second view; false where there is no way, and then the robot stays.
+    fn goes_to_second_view(&mut self, seen: &Seen) -> bool {
+        let Some(goal) = self.second_view.clone() else { return false };
+        let belief = self.believe(seen);
+        self.moves(&belief, &goal, "second view")
+    }
+
+    /// One look from where the camera is; `again` when nothing has been handled since the last one.
+    fn see(&mut self, again: bool) -> Result<Seen> {
+        let packed = self.records.iter().filter(|record| record.believed_packed.is_some()).count();
+        self.progress.message(&format!(
+            "look {}: estimating poses ({packed} of {} packed)",
+            self.cameras.len() + 1,
+            self.items
+        ));
+        let (frame, _) = self.setup.capture(&self.world, self.renderer, self.cameras.len())?;
+        self.cameras.push(frame.world_from_camera);
+        let in_bin = |record: &ItemRecord| record.believed_packed.is_some();
+        let (inside, asked): (Vec<usize>, Vec<usize>) =
+            (0..self.records.len()).partition(|&i| in_bin(&self.records[i]));
+        let estimates = self.estimate(&frame, &asked, again, false)?;
+        let mut believed = vec![None; self.records.len()];
+        for (i, posterior) in &estimates {
+            believed[*i] = Some(frame.world_from_camera * posterior.best);
+        }
+        self.bodies.assign(&self.world, &believed, |i| self.records[i].believed_packed.is_some());
+        let mut errors = vec![None; self.records.len()];
+        for (i, posterior) in &estimates {
+            let record = &mut self.records[*i];
+            record.estimate_s += posterior.seconds;
+            let body = self.bodies.of(*i);
+            let truth = frame.world_from_camera.inverse() * self.world.truth(body);
+            errors[*i] = Some(score::pose_errors(self.world.object(body), &truth, &posterior.best));
+            // After an attempt the errors of the look before it stay.
+            if record.attempts == 0 {
+                record.record_errors(errors[*i]);
+            }
+        }
+        if !inside.is_empty() {
+            let there = self.estimate(&frame, &inside, again, true)?;
+            self.correct_places(&frame, &there);
+        }
+        self.before.clone_from(&estimates);
+        Ok(Seen { frame, asked, estimates, errors })
+    }
+
+    /// What the estimator says of the objects `asked`, on the table or in the bin.
+    fn estimate(&self, frame: &CameraFrame, asked: &[usize], again: bool, in_bin: bool) -> Result<Estimates> {
+        let Self { setup, cameras, before, world, .. } = self;
+        let models = &setup.models;
+        let look = Look { frame, cameras, before, models, asked, again, seed: setup.seed };
+        let estimates = match self.estimator {
+            Estimator::Perception(perception) if in_bin => perception.look_into_bin(&look)?,
+            Estimator::Perception(perception) => perception.look(&look)?,
+            Estimator::Truth => truth(world, frame, asked),
+        };
+        let least = setup.settings.belief.least_confidence;
+        let confident = |posterior: &PosePosterior| posterior.confidence >= least;
+        let last = cameras.len().checked_sub(2).map(|look| cameras[look]);
+        let known = |i: usize| {
+            if in_bin {
+                return self.records[i].believed_packed;
+            }
+            let (_, posterior) = before.iter().find(|(of, posterior)| *of == i && confident(posterior))?;
+            Some(last? * posterior.best)
+        };
+        Ok(told_apart(estimates, models, &frame.world_from_camera, confident, known))
+    }
+
+    /// Corrects where items lie in the bin: things tip over when they are let go, and the next place is planned around them.
+    /// A pose that is not confident, not in the bin, or far from where the item was put is not taken.
+    fn correct_places(&mut self, frame: &CameraFrame, estimates: &Estimates) {
+        let settings = &self.setup.settings.belief;
+        for (i, posterior) in estimates {
+            let record = &mut self.records[*i];
+            record.estimate_s += posterior.seconds;
+            let pose = frame.world_from_camera * posterior.best;
+            let centre = Point3::from(pose.translation());
+            let moved = record
+                .believed_packed
+                .map_or(f64::INFINITY, |put| (put.translation() - centre.coords).norm());
+            if posterior.confidence >= settings.least_confidence
+                && moved < settings.moved_in_bin_m
+                && self.setup.cell.scene.bin.contains(&centre, settings.over_bin_m)
+            {
+                record.believed_packed = Some(pose);
+            }
+        }
+    }
+
+    /// Keeps the pictures of a look, if all are wanted: the believed poses as outlines on the frame.
+    pub(super) fn picture(&mut self, seen: &Seen, caption: String) -> Result<()> {
+        if !matches!(self.options.pictures, Pictures::All { .. }) {
+            return Ok(());
+        }
+        let least = self.setup.settings.belief.least_confidence;
+        let frame = &seen.frame;
+        let believed = seen.estimates.iter().filter(|(_, posterior)| posterior.confidence >= least);
+        let outlines = self
+            .outlines(frame, believed.map(|(i, posterior)| (*i, frame.world_from_camera * posterior.best)))?;
+        self.looks.push(LookPictures {
+            caption,
+            rgb: frame.rgb.clone(),
+            depth: frame.depth.clone(),
+            overlay: pictures::outlines(&frame.rgb, &outlines),
+            asked: seen.asked.clone(),
+            world_from_camera: frame.world_from_camera,
+        });
+        Ok(())
+    }
+
+    /// Labels of objects drawn alone at believed poses, as the camera of `frame` would see them.
+    fn outlines(
+        &mut self,
+        frame: &CameraFrame,
+        believed: impl Iterator<Item = (usize, Pose<WorldFrame, Object>)>,
+    ) -> Result<LabelImage> {
+        let instance = |(i, pose): (usize, Pose<WorldFrame, Object>)| Instance {
+            visual: self.setup.models[i].visual.clone(),
+            pose: *pose.iso(),
+            label: i as u16 + 1,
+        };
+        let scene = RenderScene { instances: believed.map(instance).collect(), bounce: None };
+        let lighting = &self.setup.condition.lighting;
+        let rendering =
+            self.renderer.render(&scene, lighting, &frame.intrinsics, &frame.world_from_camera)?;
+        Ok(rendering.labels)
+    }
+}
+
+/// Perfect posteriors of the objects `asked`.
+pub(super) fn truth(world: &World, frame: &CameraFrame, asked: &[usize]) -> Estimates {
+    let camera_from_world = frame.world_from_camera.inverse();
+    let certain = |&i: &usize| {
+        let pose = camera_from_world * world.truth(i);
+        (i, PosePosterior::certain(&world.object(i).info.name, pose))
+    };
+    asked.iter().map(certain).collect()
+}
