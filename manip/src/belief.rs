@@ -5,8 +5,8 @@ use std::sync::Arc;
 
 use grip_sim::objects::ObjectModel;
 use grip_sim::pose::{Base, Object, Pose, World};
-use grip_sim::shape::CollisionShape;
-use nalgebra::Point3;
+use grip_sim::shape::{CollisionShape, Convex};
+use nalgebra::{Point3, Vector3};
 
 /// A box without a lid.
 #[derive(Debug, Clone, PartialEq)]
@@ -114,6 +114,15 @@ impl BeliefScene {
         Self::new(fixtures, 0.0, bin, Pose::identity())
     }
 
+    /// Height of what something with its centre at `center` may stand on: of the highest level box below it, else the table.
+    pub fn ground(&self, center: &Point3<f64>) -> f64 {
+        /// The table's own top is one of the fixtures, too.
+        const HIGHER: f64 = 1e-3;
+        let tops = self.fixtures.iter().filter_map(|fixture| level_top(fixture, center));
+        tops.filter(|top| *top > self.table_height + HIGHER && *top < center.z)
+            .fold(self.table_height, f64::max)
+    }
+
     /// What makes this belief unusable, if anything: a number that is not finite or an extent that is not positive.
     pub fn problem(&self) -> Option<String> {
         let bin = &self.bin;
@@ -139,10 +148,19 @@ impl BeliefScene {
     }
 }
 
+/// Height of a box's upper face when that is level and `point` over it or under it.
+fn level_top(fixture: &CollisionShape, point: &Point3<f64>) -> Option<f64> {
+    let Convex::Cuboid { half } = &fixture.geometry else { return None };
+    let up = fixture.pose.inverse_transform_vector(&Vector3::z());
+    let axis = up.iamax();
+    let local = fixture.pose.inverse_transform_point(point);
+    let over = (0..3).all(|other| other == axis || local[other].abs() <= half[other]);
+    (up[axis].abs() > 1.0 - 1e-6 && over).then(|| fixture.pose.translation.z + half[axis])
+}
+
 /// Fixtures of a bin: floor and four walls of `thickness` metres, outside the inner space.
 pub fn bin_fixtures(bin: &BinGeometry, thickness: f64) -> Vec<CollisionShape> {
-    use grip_sim::shape::Convex;
-    use nalgebra::{Translation3, Vector3};
+    use nalgebra::Translation3;
     let [x, y] = bin.inner.map(|v| 0.5 * v);
     let (h, t) = (0.5 * bin.wall_height, 0.5 * thickness);
     let part = |center: [f64; 3], half: [f64; 3]| CollisionShape {
@@ -162,6 +180,30 @@ pub fn bin_fixtures(bin: &BinGeometry, thickness: f64) -> Vec<CollisionShape> {
 mod tests {
     use super::*;
     use crate::testing::{box_model, empty_scene};
+
+    #[test]
+    fn the_ground_is_the_table_or_the_highest_level_box_below() {
+        let mut scene = empty_scene();
+        let step = |z: f64, roll: f64| CollisionShape {
+            pose: nalgebra::Isometry3::new(Vector3::new(0.6, 0.2, z), Vector3::x() * roll),
+            geometry: Convex::Cuboid { half: Vector3::new(0.1, 0.1, 0.04) },
+        };
+        scene.fixtures.push(step(scene.table_height + 0.04, std::f64::consts::PI));
+        let ground = |scene: &BeliefScene, y: f64, z: f64| {
+            scene.ground(&Point3::new(0.6, y, scene.table_height + z)) - scene.table_height
+        };
+        assert!((ground(&scene, 0.25, 0.1) - 0.08).abs() < 1e-9);
+        assert_eq!(ground(&scene, 0.35, 0.1), 0.0, "beside it");
+        assert_eq!(ground(&scene, 0.25, 0.07), 0.0, "below its top");
+        // A shelf above the step; a slope is no ground.
+        scene.fixtures.push(step(scene.table_height + 0.3, 0.0));
+        scene.fixtures.push(step(scene.table_height + 0.5, 0.3));
+        assert!(
+            (ground(&scene, 0.25, 0.4) - 0.34).abs() < 1e-9
+                && (ground(&scene, 0.25, 0.2) - 0.08).abs() < 1e-9
+        );
+        assert!((ground(&scene, 0.25, 0.7) - 0.34).abs() < 1e-9);
+    }
 
     #[test]
     fn what_is_not_a_belief_is_refused_by_name_and_value() {

@@ -9,7 +9,7 @@ use nalgebra::{Isometry3, Vector3};
 use crate::belief::BeliefScene;
 use crate::collision::{CollisionBody, CollisionChecker, CollisionPair, CollisionQuery, HeldObject, Margins};
 use crate::grasp::{Grasp, GraspSettings, hand_may_touch, rank_grasps};
-use crate::pick::{Risk, snapped_to_table};
+use crate::pick::{Risk, snapped_to_ground};
 use crate::plan::{Action, PickPlacePlan, PlanStage, StepName};
 use crate::planner::Planner;
 use crate::settings::PlannerSettings;
@@ -120,7 +120,7 @@ fn every_grocery_gets_a_plan_whose_motions_meet_and_respect_all_limits() {
 /// Replays a plan at the resolution of its control points with smaller margins than it was planned with.
 #[test]
 fn plans_are_free_of_collision_at_every_control_point() {
-    let belief = snapped_to_table(&groceries(), 0.015);
+    let belief = snapped_to_ground(&groceries(), 0.015);
     let planner = planner();
     let checker = CollisionChecker::new(planner.robot().clone(), &belief);
     for target in 0..belief.objects.len() {
@@ -191,7 +191,7 @@ fn failures_name_their_stage() {
 fn goes_home_from_the_end_of_a_plan() {
     let belief = groceries();
     let plan = plan(&belief, 0, 3);
-    let mut after = snapped_to_table(&belief, 0.015);
+    let mut after = snapped_to_ground(&belief, 0.015);
     after.objects[0].world_from_object = plan.place.world_from_object;
     after.objects[0].packed = true;
     let home = planner().plan_home(&after, &plan.end, &ready(), 3).unwrap();
@@ -204,7 +204,7 @@ fn goes_home_from_the_end_of_a_plan() {
 
 #[test]
 fn a_configuration_collides_exactly_when_its_clearance_is_below_the_margin() {
-    let belief = snapped_to_table(&groceries(), 0.015);
+    let belief = snapped_to_ground(&groceries(), 0.015);
     let planner = planner();
     let checker = CollisionChecker::new(planner.robot().clone(), &belief);
     let space = planner.solver().space(0.0);

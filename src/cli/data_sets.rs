@@ -35,6 +35,9 @@ pub struct ScenesArgs {
     /// Who takes the pictures.
     #[arg(long, value_enum, default_value_t = Profile::Standard)]
     pub profile: Profile,
+    /// Chance of each object, anew in each frame, to shine as metal does: depth lacks 20 to 80 % of it, in pieces.
+    #[arg(long, value_name = "P", default_value_t = 0.0)]
+    pub shiny: f64,
     /// Depth camera in place of the scene's: none, nguyen, handa, redwood, carmine-109, carmine-109-near, xtion, fetch-head,
     /// d435; with --profile hard in place of any of the last three and carmine-109.
     #[arg(long, value_name = "PRESET")]
@@ -102,6 +105,7 @@ impl ScenesArgs {
                 Profile::Standard => grip::dataset::Profile::Standard,
                 Profile::Hard => grip::dataset::Profile::Hard,
             },
+            shiny: self.shiny,
             depth_noise: self.depth_noise.clone(),
             distortion: self.distortion.clone(),
             split: self.split.clone(),

@@ -63,6 +63,9 @@ pub struct DatasetOptions {
     pub camera: CameraPlace,
     /// How hard it is.
     pub profile: Profile,
+    /// Chance of each object, anew in each frame, to shine, so that depth lacks pieces of it
+    /// ([`dazzle`](grip_sim::sensor::shine::dazzle)); 0 to 1.
+    pub shiny: f64,
     /// Depth noise preset in place of the scene's.
     pub depth_noise: Option<String>,
     /// Lens distortion by OpenCV's coefficients k1, k2, p1, p2, k3; none where it is empty.
@@ -79,6 +82,7 @@ impl Default for DatasetOptions {
             views: PAPER_VIEWS.map(|(name, _)| name.to_owned()).to_vec(),
             camera: CameraPlace::Head,
             profile: Profile::Standard,
+            shiny: 0.0,
             depth_noise: None,
             distortion: Vec::new(),
             split: "test".into(),
@@ -124,6 +128,9 @@ pub struct Plan {
     /// How hard it is; left out of a standard one.
     #[serde(skip_serializing_if = "Profile::is_standard", default)]
     pub profile: Profile,
+    /// Chance of each object to shine; left out of a set in which nothing does.
+    #[serde(skip_serializing_if = "is_zero", default)]
+    pub shiny: f64,
     /// Of every picture.
     pub intrinsics: Intrinsics,
     /// Of the lens; BOP has no field for it, so it stands here alone.
@@ -162,6 +169,7 @@ impl Plan {
                 view.name
             );
         }
+        ensure!((0.0..=1.0).contains(&options.shiny), "--shiny {}: must be from 0 to 1", options.shiny);
         let of_scene = &setup.cell.scene.camera.depth_noise;
         let depth_noise = options.depth_noise.as_ref().unwrap_or(of_scene);
         let sensors = setup.settings.sensor.sensors(depth_noise).context("--depth-noise")?;
@@ -183,6 +191,7 @@ impl Plan {
             views,
             camera: options.camera,
             profile: options.profile,
+            shiny: options.shiny,
             intrinsics: setup.camera.intrinsics,
             lens: (!distortion.is_none())
                 .then(|| Lens::new(&setup.camera.intrinsics, &distortion))
@@ -248,6 +257,10 @@ impl Plan {
         let Intrinsics { width, height, fx, fy, cx, cy } = self.intrinsics;
         CameraFile { width, height, fx, fy, cx, cy, depth_scale: Some(DEPTH_SCALE_MM) }
     }
+}
+
+fn is_zero(value: &f64) -> bool {
+    *value == 0.0
 }
 
 /// Reduces the scene to the objects named.

@@ -21,6 +21,7 @@ use grip_sim::rng;
 use grip_sim::scene::Scene;
 use grip_sim::sensor;
 use grip_sim::sensor::lens::Lens;
+use grip_sim::sensor::shine::dazzle;
 use grip_sim::sensor::variation::CameraVariation;
 use nalgebra::Point3;
 use rand::RngExt;
@@ -346,6 +347,11 @@ impl Making<'_> {
         let mut frame = sensor::sense(&rendering, condition, &intrinsics, pose, &sensors, &mut random);
         if let Some(camera) = &camera {
             frame = camera.applied(&frame, &mut camera_random)?;
+        }
+        if self.plan.shiny > 0.0 {
+            let mut random = rng::stream(self.seed, &format!("shine/{}", view.name));
+            let objects = self.models.len() as u16;
+            dazzle(&mut frame.depth, &rendering.labels, objects, self.plan.shiny, &mut random);
         }
         self.timings.sensor += began.elapsed();
 

@@ -220,6 +220,8 @@ fn what_cannot_be_made_is_refused_with_a_reason_and_leaves_nothing() {
         (&["--distortion", "nan,0,0,0,0"], "--distortion"),
         (&["--distortion", "-3,0,0,0,0"], "--distortion"),
         (&["--split", "../test"], "--split"),
+        (&["--shiny", "1.5"], "--shiny 1.5"),
+        (&["--shiny", "nan"], "--shiny NaN"),
         (&["--scenes", "0"], "--scenes"),
     ] {
         let output = scenes(&out, args);

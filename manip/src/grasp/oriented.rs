@@ -22,7 +22,7 @@ pub(super) struct Scored<'a> {
     pub world_from_gripper: Pose<World, Gripper>,
 }
 
-/// The grasps of object `target` that come from above and stay clear of the table, best first.
+/// The grasps of object `target` that come from above and stay clear of what it stands on, best first.
 pub(super) fn oriented<'a>(
     grasps: &'a ObjectGrasps,
     belief: &BeliefScene,
@@ -46,7 +46,9 @@ pub(super) fn oriented<'a>(
             - approach.z.abs() * pad.x
             - closing.z.abs() * outer
             - side.z.abs() * pad.z;
-        (-approach.z >= settings.least_down).then_some(belief.table_height + settings.margin - low)
+        // The object may reach over the edge of what it lies on.
+        let ground = belief.ground(&Point3::from(world_from_gripper.translation()));
+        (-approach.z >= settings.least_down).then_some(ground + settings.margin - low)
     };
     let score = |candidate: &GraspCandidate| {
         let world_from_gripper = world_from_object * candidate.object_from_gripper;

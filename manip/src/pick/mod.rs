@@ -4,4 +4,4 @@ mod grasp_test;
 mod pick_place;
 
 pub use grasp_test::GraspTest;
-pub use pick_place::{Risk, snapped_to_table};
+pub use pick_place::{Risk, snapped_to_ground};

@@ -85,7 +85,7 @@ impl Planner {
             let reason = format!("the belief has {} objects", belief.objects.len());
             return Err(fail((PlanStage::Input, reason), PlanCounters::default()));
         }
-        let belief = snapped_to_table(belief, self.settings.table_snap);
+        let belief = snapped_to_ground(belief, self.settings.table_snap);
         let mut attempt = Attempt::new(self, &belief, target, q_now, risk);
         let mut rng = grip_sim::rng::stream(seed, "pick and place");
         let plan = attempt.plan(&mut rng);
@@ -425,9 +425,10 @@ pub(crate) fn joined(mut steps: Vec<PlanStep>) -> Vec<PlanStep> {
     steps
 }
 
-/// The belief with objects that nearly stand on the table moved vertically so that they do: a table's height is known
-/// far better than an object's.
-pub fn snapped_to_table(belief: &BeliefScene, tolerance: f64) -> BeliefScene {
+/// The belief with objects that nearly stand on the table, or on another level fixture, moved vertically so that they do: its
+/// height is known far better than an object's.
+pub fn snapped_to_ground(belief: &BeliefScene, tolerance: f64) -> BeliefScene {
+    let fixed = belief;
     let mut belief = belief.clone();
     for object in belief.objects.iter_mut().filter(|o| !o.packed) {
         let lowest = object
@@ -438,7 +439,8 @@ pub fn snapped_to_table(belief: &BeliefScene, tolerance: f64) -> BeliefScene {
             .iter()
             .map(|p| object.world_from_object.transform_point(&p.cast()).z)
             .fold(f64::INFINITY, f64::min);
-        let gap = lowest - belief.table_height;
+        let center = object.world_from_object.translation();
+        let gap = lowest - fixed.ground(&center.into());
         if gap.abs() <= tolerance {
             let mut pose = *object.world_from_object.iso();
             pose.translation.vector.z -= gap;

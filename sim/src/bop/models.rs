@@ -61,7 +61,13 @@ fn export<'a>(
 ) -> Result<()> {
     let staging = Staging::begin(folder)?;
     let mut infos: BTreeMap<u32, ModelFile> = BTreeMap::new();
+    let mut written: Vec<&ObjectModel> = Vec::new();
     for model in models {
+        // Of several instances of an object there is one model.
+        if written.iter().any(|earlier| std::ptr::eq(*earlier, model)) {
+            continue;
+        }
+        written.push(model);
         write(&staging, model)?;
         if infos.insert(model.info.bop_id, ModelFile::from(&model_info(model))).is_some() {
             let message = format!(

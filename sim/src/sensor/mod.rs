@@ -5,6 +5,7 @@ pub mod depth;
 pub mod lens;
 mod normal;
 mod patches;
+pub mod shine;
 pub mod variation;
 
 use rand::RngExt;
