@@ -42,17 +42,18 @@ impl Cell {
         let urdf = urdf.map_or_else(|| folder.join(&scene.robot.urdf), Path::to_path_buf);
         let robot = Arc::new(RobotModel::load(&urdf, package_path)?);
         let config = Arc::new(RobotConfig::load(&folder.join(&scene.robot.config), &robot)?);
-        let start = start_configuration(&scene, &robot, &config, scene.robot.torso)
-            .with_context(|| format!("{}: [robot]", scene_file.display()))?;
+        let start =
+            start_configuration(&scene, &robot, &config, &scene.robot.look_at.into(), scene.robot.torso)
+                .with_context(|| format!("{}: [robot]", scene_file.display()))?;
         Ok(Self { scene, robot, config, start, folder: folder.to_path_buf() })
     }
 
-    /// The start configuration with the torso `torso` metres above its lower stop, the head looking at the same point.
+    /// The start configuration with the torso `torso` metres above its lower stop, the head looking at a point of the world.
     ///
     /// # Errors
     /// When that is outside of the torso's limits.
-    pub fn start_at(&self, torso: f64) -> Result<Vec<f64>> {
-        start_configuration(&self.scene, &self.robot, &self.config, torso)
+    pub fn looking_at(&self, point: &Point3<f64>, torso: f64) -> Result<Vec<f64>> {
+        start_configuration(&self.scene, &self.robot, &self.config, point, torso)
     }
 
     /// What the robot knows before it looks: table, bin and where it stands. No objects.
@@ -109,6 +110,7 @@ fn start_configuration(
     scene: &Scene,
     robot: &RobotModel,
     config: &RobotConfig,
+    look_at: &Point3<f64>,
     height: f64,
 ) -> Result<Vec<f64>> {
     let mut q = config.configuration(robot, &scene.robot.start_pose)?;
@@ -126,7 +128,6 @@ fn start_configuration(
     for finger in config.gripper.fingers {
         q[finger] = config.gripper.opening / 2.0;
     }
-    let [x, y, z] = scene.robot.look_at;
-    let target = scene.world_from_base().inverse().transform_point(&Point3::new(x, y, z));
+    let target = scene.world_from_base().inverse().transform_point(look_at);
     Ok(config.look_at(robot, &q, &target))
 }

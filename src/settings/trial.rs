@@ -15,7 +15,8 @@ pub struct TrialSettings {
     /// When an item may lie in a second way, with at least this share of the belief, the robot looks from elsewhere before it
     /// plans; 0 to 0.5. Default 0: never.
     pub second_look_mass: f64,
-    /// How high the torso is there, metres over its lower stop; 0 to 1. Default 0.1. The head looks at the same point.
+    /// How high the torso is there, metres over its lower stop; 0 to 1. Default 0.1. The head looks at that item; what the
+    /// camera no longer sees stays where it was believed to be.
     pub second_look_torso_m: f64,
     /// Simulated seconds after an attempt for what still rolls to come to rest; 0 to 60. Default 2.
     pub calm_s: f64,

@@ -35,32 +35,59 @@ impl Trial<'_> {
     /// # Errors
     /// When renderer, detector or estimator fail.
     pub fn look(&mut self) -> Result<Seen> {
-        let seen = self.see(false)?;
-        if !self.is_in_doubt(&seen) || !self.goes_to_second_view(&seen) {
-            return Ok(seen);
+        let first = self.see(false)?;
+        let Some(doubtful) = self.in_doubt(&first) else { return Ok(first) };
+        if !self.goes_to_second_view(&first, &doubtful) {
+            return Ok(first);
         }
-        self.picture(&seen, "looks again from elsewhere".to_owned())?;
-        self.see(true)
+        self.picture(&first, "looks again from elsewhere".to_owned())?;
+        let mut second = self.see(true)?;
+        self.keep_what_is_out_of_view(&first, &mut second);
+        Ok(second)
     }
 
-    /// Whether an open item has a second place that is about as likely as the first.
-    fn is_in_doubt(&self, seen: &Seen) -> bool {
+    /// Where the open item is that may as well lie in a second way, if one may: the one in most doubt.
+    fn in_doubt(&self, seen: &Seen) -> Option<Point3<f64>> {
         let settings = &self.setup.settings;
         let least = settings.trial.second_look_mass;
+        if least == 0.0 {
+            return None;
+        }
         let open = self.open_items();
-        self.second_view.is_some()
-            && seen.estimates.iter().any(|(i, posterior)| {
-                open.contains(i)
-                    && posterior.confidence >= settings.belief.least_confidence
-                    && posterior.doubt() >= least
-            })
+        let confident = |posterior: &PosePosterior| posterior.confidence >= settings.belief.least_confidence;
+        let doubts = seen
+            .estimates
+            .iter()
+            .filter(|(i, posterior)| open.contains(i) && confident(posterior))
+            .map(|(_, posterior)| (posterior.doubt(), posterior))
+            .filter(|(doubt, _)| *doubt >= least);
+        let (_, posterior) = doubts.max_by(|a, b| a.0.total_cmp(&b.0))?;
+        Some(Point3::from((seen.frame.world_from_camera * posterior.best).translation()))
     }
 
-    /// Moves the head to the second view; false where there is no way, and then the robot stays.
-    fn goes_to_second_view(&mut self, seen: &Seen) -> bool {
-        let Some(goal) = self.second_view.clone() else { return false };
+    /// Lowers the torso and looks at a point; false where there is no way, and then the robot stays.
+    fn goes_to_second_view(&mut self, seen: &Seen, point: &Point3<f64>) -> bool {
+        let torso = self.setup.settings.trial.second_look_torso_m;
+        let Ok(goal) = self.setup.cell.looking_at(point, torso) else { return false };
         let belief = self.believe(seen);
         self.moves(&belief, &goal, "second view")
+    }
+
+    /// What the second view does not show is where the first one had it.
+    fn keep_what_is_out_of_view(&mut self, first: &Seen, second: &mut Seen) {
+        let least = self.setup.settings.belief.least_confidence;
+        let now_from_then = second.frame.world_from_camera.inverse() * first.frame.world_from_camera;
+        for (i, before) in first.estimates.iter().filter(|(_, before)| before.confidence >= least) {
+            let lost = |(of, now): &&mut (usize, PosePosterior)| of == i && now.confidence < least;
+            if let Some((_, now)) = second.estimates.iter_mut().find(lost) {
+                *now = before.seen_from(&now_from_then);
+                second.errors[*i] = first.errors[*i];
+                if self.records[*i].attempts == 0 {
+                    self.records[*i].record_errors(first.errors[*i]);
+                }
+            }
+        }
+        self.before.clone_from(&second.estimates);
     }
 
     /// One look from where the camera is; `again` when nothing has been handled since the last one.

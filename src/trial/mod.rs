@@ -31,6 +31,7 @@ use grip_physics::World;
 use grip_sim::images::RgbImage;
 use grip_sim::pose::{Camera, Object, Pose, World as WorldFrame};
 use grip_sim::render::Renderer;
+use nalgebra::Point3;
 
 use self::belief::Belief;
 use self::film::{Film, Strip};
@@ -112,8 +113,6 @@ pub struct Trial<'a> {
     cameras: Vec<Pose<WorldFrame, Camera>>,
     /// What was believed at the last one.
     before: Estimates,
-    /// Joints for a second look from elsewhere, if there is to be one.
-    second_view: Option<Vec<f64>>,
     joints: JointLog,
     film: Film<'a>,
     looks: Vec<LookPictures>,
@@ -191,6 +190,11 @@ impl<'a> Trial<'a> {
         let most = setup.models.len();
         let items = options.items.unwrap_or(most);
         ensure!((1..=most).contains(&items), "{items} items: the scene has {most} objects; give 1 to {most}");
+        let settings = &setup.settings.trial;
+        if settings.second_look_mass > 0.0 {
+            let view = setup.cell.looking_at(&Point3::origin(), settings.second_look_torso_m);
+            view.context("settings: trial.second_look_torso_m")?;
+        }
         progress.message("settling the scene");
         let (world, dropped) = setup.drop_objects()?;
         log::info!("scene settled in {:.1} s, {} layouts rejected", dropped.settle_s, dropped.rejected.len());
@@ -211,7 +215,6 @@ impl<'a> Trial<'a> {
             bodies: Bodies::new(most),
             cameras: Vec::new(),
             before: Estimates::new(),
-            second_view: second_view(setup)?,
             joints: JointLog::default(),
             looks: Vec::new(),
             handled: None,
@@ -527,14 +530,4 @@ impl<'a> Trial<'a> {
         };
         Ok(TrialRecord { result, scenario: self.scenario, looks: self.looks, after, strips, replay })
     }
-}
-
-/// Joints for the second look that the settings want: the torso at another height, the head looking at the same point.
-fn second_view(setup: &Setup) -> Result<Option<Vec<f64>>> {
-    let settings = &setup.settings.trial;
-    if settings.second_look_mass == 0.0 {
-        return Ok(None);
-    }
-    let view = setup.cell.start_at(settings.second_look_torso_m);
-    view.context("settings: trial.second_look_torso_m").map(Some)
 }

@@ -52,3 +52,42 @@ fn what_the_last_attempt_knocks_out_is_counted_once() {
     assert_eq!(result.items[lost].measures.knocked_out, 0);
     assert_eq!(result.items[lost].outcome, Outcome::KnockedOut);
 }
+
+#[test]
+fn in_doubt_the_robot_looks_from_elsewhere_and_forgets_nothing() {
+    let mut settings = crate::settings::Settings::default();
+    settings.trial.second_look_mass = 0.1;
+    let options =
+        SetupOptions { seed: 9601, settings: std::sync::Arc::new(settings), ..SetupOptions::default() };
+    let setup = Setup::load(&options).unwrap();
+    let detector = crate::estimators::DetectorKind::Clusters;
+    let estimator = crate::estimators::Grip::open(&setup, detector, &Default::default()).unwrap();
+    let estimator = Estimator::Perception(Box::new(estimator));
+    let (planner, mut renderer) = (setup.planner(), open(RendererChoice::Cpu).unwrap());
+    let options = TrialOptions::default();
+    let mut trial = Trial::begin(&setup, &estimator, &planner, renderer.as_mut(), options, &Quiet).unwrap();
+    // A meat can's two ends are alike: it is looked at again.
+    let seen = trial.look().unwrap();
+    let [first, second] = trial.cameras[..] else { panic!("{} looks", trial.cameras.len()) };
+    let lowered = first.translation().z - second.translation().z;
+    let wanted = setup.cell.scene.robot.torso - setup.settings.trial.second_look_torso_m;
+    // Tilting the head moves the camera, too.
+    assert!((lowered - wanted).abs() < 0.03, "{lowered} {wanted}");
+    let can = setup.models.iter().position(|model| model.info.name == "010_potted_meat_can").unwrap();
+    let at = second.inverse() * trial.world.truth(can);
+    assert!(at.translation().xy().norm() < 0.02 * at.translation().z, "the head looks at it: {at:?}");
+    // Both views count, and what the second does not show is where the first has it.
+    assert_eq!(seen.estimates.len(), 5);
+    let followed = |of: usize| seen.estimates.iter().find(|(i, _)| *i == of).unwrap().1.followed;
+    assert_eq!(followed(can), 1);
+    for (i, posterior) in &seen.estimates {
+        let believed = seen.frame.world_from_camera * posterior.best;
+        let off = believed.translation() - trial.world.truth(*i).translation();
+        assert!(off.norm() < 0.005, "{}: {off}", setup.name(*i));
+    }
+    // Home is back up.
+    let belief = trial.believe(&seen);
+    trial.go_home(belief);
+    let home = setup.cell.world_from_camera(trial.world.joints());
+    assert!((home.translation() - first.translation()).norm() < 0.01);
+}
