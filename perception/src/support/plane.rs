@@ -109,15 +109,23 @@ impl Supports {
         settings: &SupportSettings,
         workspace: Option<&Workspace>,
     ) -> Option<Self> {
-        let (main, others) = main_and_others(frame, settings, workspace)?;
-        let mut levels = vec![main.clone()];
-        let further = |support: &Support| {
-            let rise = (main.plane.offset - support.plane.offset).abs();
-            support.footprint.area() >= settings.higher_area_m2
-                && support.plane.normal.dot(&main.plane.normal) > PARALLEL
-                && (LEAST_STEP..=settings.levels_m).contains(&rise)
+        if !settings.enabled {
+            return None;
+        }
+        let points = sample_points(frame, workspace);
+        let (main, others) = main_and_others(frame, points.clone(), settings)?;
+        let support = |plane: Plane| {
+            let close = points.iter().copied().filter(|p| plane.height(p).abs() < settings.inlier_m);
+            let footprint = Footprint::new(&plane.normal, close)?;
+            Some(Support { plane, footprint, overhang_m: settings.overhang_m })
         };
-        levels.extend(others.into_iter().filter(further));
+        let further = |plane: &Plane| {
+            let rise = (main.offset - plane.offset).abs();
+            plane.normal.dot(&main.normal) > PARALLEL && (LEAST_STEP..=settings.levels_m).contains(&rise)
+        };
+        let mut levels = vec![support(main)?];
+        let others = others.into_iter().filter(further).filter_map(support);
+        levels.extend(others.filter(|other| other.footprint.area() >= settings.higher_area_m2));
         // The camera is above all of them: the higher a plane, the nearer.
         levels.sort_by(|a, b| b.plane.offset.total_cmp(&a.plane.offset));
         Some(Self { levels })
@@ -129,17 +137,12 @@ const PARALLEL: f64 = 0.98;
 /// Planes nearer to each other are one, metres.
 const LEAST_STEP: f64 = 0.02;
 
-/// The surface that most objects stand on, and other planes.
+/// The plane that most objects stand on, and others.
 fn main_and_others(
     frame: &CameraFrame,
+    mut points: Vec<Point3<f64>>,
     settings: &SupportSettings,
-    workspace: Option<&Workspace>,
-) -> Option<(Support, Vec<Support>)> {
-    if !settings.enabled {
-        return None;
-    }
-    let mut points = sample_points(frame, workspace);
-    let all = points.clone();
+) -> Option<(Plane, Vec<Plane>)> {
     let enough = ((points.len() as f64 * settings.min_share) as usize).max(30);
     let up = (settings.max_tilt_rad < SupportSettings::ANY_TILT).then(|| {
         let up = frame.world_from_camera.inverse().transform_vector(&Vector3::z());
@@ -179,12 +182,7 @@ fn main_and_others(
         points.retain(|p| plane.height(p).abs() > 3.0 * settings.inlier_m);
     }
     let main = planes.remove(best?.0);
-    let support = |plane: Plane| {
-        let close = all.iter().copied().filter(|p| plane.height(p).abs() < settings.inlier_m);
-        let footprint = Footprint::new(&plane.normal, close)?;
-        Some(Support { plane, footprint, overhang_m: settings.overhang_m })
-    };
-    Some((support(main)?, planes.into_iter().filter_map(support).collect()))
+    Some((main, planes))
 }
 
 fn sample_points(frame: &CameraFrame, workspace: Option<&Workspace>) -> Vec<Point3<f64>> {
@@ -312,7 +310,7 @@ pub(crate) mod tests {
     }
 
     fn main_plane(frame: &CameraFrame, settings: &SupportSettings) -> Plane {
-        main_and_others(frame, settings, None).unwrap().0.plane
+        main_and_others(frame, sample_points(frame, None), settings).unwrap().0
     }
 
     #[test]
