@@ -48,7 +48,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     for scene in set.scenes()? {
         for image in set.images(scene)? {
             let frame = set.frame(scene, image)?;
-            for truth in &frame.ground_truths {
+            for truth in frame.truth()? {
                 let mesh = set.load_model(truth.obj_id)?.mesh;
                 let object = object_depth(&mesh, &truth.camera_from_object, &frame.intrinsics);
                 let [columns, rows] = object.size();

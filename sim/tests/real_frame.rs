@@ -12,8 +12,8 @@ fn models_at_their_true_poses_lie_on_the_real_depth() {
     let Some(root) = data("ycbv-real-frame") else { return };
     let dataset = Dataset::open(&root, None).unwrap();
     let frame = dataset.frame(50, 1).unwrap();
-    assert_eq!(frame.ground_truths.len(), 5);
-    for truth in &frame.ground_truths {
+    assert_eq!(frame.truth().unwrap().len(), 5);
+    for truth in frame.truth().unwrap() {
         let model = dataset.load_model(truth.obj_id).unwrap();
         let drawn = silhouette(&model.mesh, &truth.camera_from_object, &frame.intrinsics).unwrap();
         let mut residuals_mm: Vec<f64> = Vec::new();

@@ -157,7 +157,8 @@ impl Boxes {
                 let mut random = rng::stream(seed, "boxes");
                 let size = [frame.intrinsics.width as f64, frame.intrinsics.height as f64];
                 let mut seen: Vec<[f64; 4]> = Vec::new();
-                for truth in &bop.ground_truths {
+                let truths = bop.truth()?;
+                for truth in truths {
                     let Some(object) = objects.iter().find(|o| o.info.bop_id == truth.obj_id) else {
                         continue;
                     };
@@ -173,9 +174,8 @@ impl Boxes {
                     }
                 }
                 // A detector takes other objects for one that is not there.
-                let there = |object: &ObjectModel| {
-                    bop.ground_truths.iter().any(|truth| truth.obj_id == object.info.bop_id)
-                };
+                let there =
+                    |object: &ObjectModel| truths.iter().any(|truth| truth.obj_id == object.info.bop_id);
                 for object in objects.iter().filter(|object| !there(object)) {
                     for _ in 0..=FALSE_BOXES {
                         let Some(bbox) = seen.get(random.random_range(0..seen.len().max(1))) else {

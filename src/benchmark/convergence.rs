@@ -99,6 +99,7 @@ impl Searches<'_> {
             surfaces.insert(model.info.bop_id, Surface::new(points.iter().map(|p| p.cast()).collect()));
         }
         progress.begin((contenders.len() * self.seeds.clone().count()) as u64, 0);
+        let truths = bop.truth()?;
         let mut trials = Vec::new();
         for seed in self.seeds.clone() {
             let of_image = image_seed(seed, self.image);
@@ -107,7 +108,7 @@ impl Searches<'_> {
                 let beliefs = contender.estimator.estimate(&frame, &detections, &searched, of_image)?;
                 for (model, belief) in searched.iter().zip(beliefs) {
                     let obj_id = model.info.bop_id;
-                    let points = errors(&belief.trace, &surfaces[&obj_id], &bop.ground_truths, obj_id);
+                    let points = errors(&belief.trace, &surfaces[&obj_id], truths, obj_id);
                     trials.push(Search { estimator, obj_id, seed, points });
                 }
                 progress.advance(1);

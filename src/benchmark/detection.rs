@@ -47,7 +47,7 @@ pub fn truth_boxes(frame: &BopFrame, object: &ObjectModel) -> Result<Vec<(Box2, 
         // Boxes of scene_gt_info.json reach from the first pixel to the last one: one less than they count.
         [left, top, (x + w + 1.0).clamp(left, size[0]) - left, (y + h + 1.0).clamp(top, size[1]) - top]
     };
-    let asked = frame.ground_truths.iter().filter(|truth| truth.obj_id == object.info.bop_id);
+    let asked = frame.truth()?.iter().filter(|truth| truth.obj_id == object.info.bop_id);
     let boxes = asked.map(|truth| {
         let info = known_or_measured(truth, object, frame)?;
         Ok((within(info.bbox_obj.map(f64::from)), !info.is_target()))

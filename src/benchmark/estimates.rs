@@ -339,7 +339,8 @@ pub(super) fn image_seed(seed: u64, (scene_id, im_id): (u32, u32)) -> u64 {
 /// More instances of one object in one image than in any data set there is.
 const MOST_INSTANCES: u32 = 1000;
 
-/// What an evaluation asks for: the data set's targets in its split, else all that is in the truth and seen.
+/// What an evaluation asks for: the data set's targets in its split; else all that is in the truth and seen, of the images that
+/// the targets of 2024 name, or of all.
 pub(super) fn targets(dataset: &Dataset) -> Result<Vec<Target>> {
     let scenes: HashSet<u32> = dataset.scenes()?.into_iter().collect();
     if let Some(targets) = dataset.targets()? {
@@ -358,7 +359,14 @@ pub(super) fn targets(dataset: &Dataset) -> Result<Vec<Target>> {
             return Ok(of_split);
         }
     }
-    Ok(dataset.targets_of_truth()?)
+    let mut targets = dataset.targets_of_truth()?;
+    if let Some(images) = dataset.target_images()? {
+        let asked: HashSet<(u32, u32)> = images.iter().map(|image| (image.scene_id, image.im_id)).collect();
+        if asked.iter().any(|(scene_id, _)| scenes.contains(scene_id)) {
+            targets.retain(|target| asked.contains(&(target.scene_id, target.im_id)));
+        }
+    }
+    Ok(targets)
 }
 
 fn partial_path(out: &Path) -> Result<PathBuf> {

@@ -14,7 +14,7 @@ use serde::{Deserialize, Serialize};
 use super::case::{Case, InImage, bootstrap};
 use super::challenge::{Asked, Lacking, Model, Recall};
 use super::estimates::targets;
-use super::presence::{Presence, THERE, presence};
+use super::presence::{Presence, THERE, of_absent_objects, presence};
 
 /// Thresholds of the accuracy curves, metres: the paper's, and PoseCNN's.
 pub const THRESHOLDS: [f64; 2] = [0.04, 0.1];
@@ -116,7 +116,13 @@ pub fn evaluate(dataset: &Dataset, estimates: &[Estimate]) -> Result<Evaluation>
         .map(|targets| image(dataset, &models, &by_target, targets))
         .collect::<Result<_>>()?;
     let cases: Vec<Case> = images.iter().flat_map(|image| &image.cases).copied().collect();
-    let presence = presence(dataset, estimates, &cases)?;
+    let absent = of_absent_objects(dataset, estimates)?;
+    // Targets may name what the truth has not.
+    let asked_and_absent = |e: &&&Estimate| {
+        targets.iter().any(|t| (t.scene_id, t.im_id, t.obj_id) == (e.scene_id, e.im_id, e.obj_id))
+    };
+    let both = absent.iter().filter(asked_and_absent).count();
+    let presence = presence(&absent, &cases);
     let names = views(dataset)?;
     let all: Vec<&Image> = images.iter().collect();
     let of_object = |id: &u32| {
@@ -139,7 +145,7 @@ pub fn evaluate(dataset: &Dataset, estimates: &[Estimate]) -> Result<Evaluation>
         all: of_images(&all),
         objects: objects.iter().map(|id| (*id, of_object(id))).collect(),
         conditions: by_condition.into_iter().map(|(name, images)| (name, of_images(&images))).collect(),
-        ignored: estimates.len() - asked - presence.absent,
+        ignored: estimates.len() + both - asked - presence.absent,
         presence,
         lacking: images.iter().map(|image| image.lacking).fold(Lacking::default(), Lacking::and),
         cases,

@@ -1,7 +1,7 @@
 //! Whether confidences mean anything: objects that are there against objects that are not, and confidence against
 //! correctness.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use anyhow::Result;
 use grip_sim::bop::Dataset;
@@ -54,31 +54,34 @@ pub struct Bin {
     pub right: f64,
 }
 
-/// Of the estimates of a results file; `cases` are those that were asked for.
+/// Estimates of objects that are not in the image, of images that the data set has.
 ///
 /// # Errors
 /// When the truth cannot be read.
-pub fn presence(dataset: &Dataset, estimates: &[Estimate], cases: &[Case]) -> Result<Presence> {
-    let mut there: BTreeMap<(u32, u32), Vec<u32>> = BTreeMap::new();
-    let scenes = dataset.scenes()?;
-    let mut absent = Vec::new();
-    for estimate in estimates.iter().filter(|e| scenes.contains(&e.scene_id)) {
-        let image = (estimate.scene_id, estimate.im_id);
-        let objects = match there.entry(image) {
-            std::collections::btree_map::Entry::Occupied(entry) => entry.into_mut(),
-            std::collections::btree_map::Entry::Vacant(entry) => {
-                // An image that the data set does not have tells nothing.
-                let Ok(truth) = dataset.ground_truths(image.0, image.1) else { continue };
-                entry.insert(truth.iter().map(|t| t.obj_id).collect())
-            }
-        };
-        if !objects.contains(&estimate.obj_id) {
-            absent.push(estimate.score);
+pub fn of_absent_objects<'a>(dataset: &Dataset, estimates: &'a [Estimate]) -> Result<Vec<&'a Estimate>> {
+    let mut there: BTreeMap<(u32, u32), BTreeSet<u32>> = BTreeMap::new();
+    for scene_id in dataset.scenes()? {
+        for im_id in dataset.images(scene_id)? {
+            there.insert((scene_id, im_id), BTreeSet::new());
         }
     }
+    let images: BTreeSet<(u32, u32)> = estimates.iter().map(|e| (e.scene_id, e.im_id)).collect();
+    for image in images {
+        if let Some(objects) = there.get_mut(&image) {
+            objects.extend(dataset.ground_truths(image.0, image.1)?.iter().map(|truth| truth.obj_id));
+        }
+    }
+    let absent =
+        |e: &&Estimate| there.get(&(e.scene_id, e.im_id)).is_some_and(|objects| !objects.contains(&e.obj_id));
+    Ok(estimates.iter().filter(absent).collect())
+}
+
+/// Of the estimates of a results file: `cases` are those that were asked for, `absent` those of objects that are not there.
+pub fn presence(absent: &[&Estimate], cases: &[Case]) -> Presence {
+    let absent: Vec<f64> = absent.iter().map(|estimate| estimate.score).collect();
     let present: Vec<(f64, bool)> =
         cases.iter().filter_map(|case| Some((case.score?, case.adds < RIGHT_M))).collect();
-    Ok(figures(&present, &absent))
+    figures(&present, &absent)
 }
 
 /// `present` are confidences of objects that are there, and whether their poses are right.

@@ -56,7 +56,7 @@ fn cell(dataset: &Dataset, scene: u32, image: u32, name: &str) -> Result<[RgbIma
         let [r, g, b] = frame.rgb.get_pixel(u, v).0.map(u32::from);
         image::Rgb([((r + g + b) / 9) as u8; 3])
     });
-    for (i, truth) in frame.ground_truths.iter().enumerate() {
+    for (i, truth) in frame.ground_truths.iter().flatten().enumerate() {
         // A set without masks shows none.
         let Some(mask) = dataset.mask_visib(scene, image, i)? else { continue };
         for (pixel, _) in masks.pixels_mut().zip(mask.data()).filter(|(_, covered)| **covered) {

@@ -225,11 +225,12 @@ impl Explanation {
     /// When there is no truth, or a model cannot be read.
     pub fn load_truth(&mut self, dataset: &Dataset) -> Result<()> {
         let BopFrame { scene_id, im_id, ground_truths, .. } = &self.frame;
-        anyhow::ensure!(
-            !ground_truths.is_empty(),
-            "--truth: the data set has no truth of scene {scene_id}, image {im_id}; leave it out"
-        );
-        ground_truths.iter().try_for_each(|truth| load(&mut self.models, dataset, truth.obj_id).map(drop))
+        let Some(truths) = ground_truths.as_ref().filter(|truths| !truths.is_empty()) else {
+            anyhow::bail!(
+                "--truth: the data set has no truth of scene {scene_id}, image {im_id}; leave it out"
+            );
+        };
+        truths.iter().try_for_each(|truth| load(&mut self.models, dataset, truth.obj_id).map(drop))
     }
 }
 

@@ -191,7 +191,7 @@ impl Explanation {
             outline.stamp(&mut panel, thick, |_| color(*i));
         }
         if truth {
-            for truth in &self.frame.ground_truths {
+            for truth in self.frame.ground_truths.iter().flatten() {
                 if let Some(outline) = self.outline(layout, truth.obj_id, &truth.camera_from_object) {
                     outline.stamp(&mut panel, 0, |step| if step / 5 % 2 == 0 { WHITE } else { BLACK });
                 }

@@ -370,3 +370,77 @@ fn of_two_of_a_kind_both_are_found() {
     assert!(figures["all"]["found"].as_f64().unwrap() > 0.99, "{figures}");
     common::python("check_bop.py", "numpy, PIL", &[&set]);
 }
+
+/// Truth that is withheld is not truth without objects.
+#[test]
+fn a_split_without_truth_is_estimated_but_neither_scored_nor_looked_at_for_boxes() {
+    let folder = tempfile::tempdir().unwrap();
+    let set = data_set(folder.path());
+    let (set_name, results) = (set.to_str().unwrap(), folder.path().join("r.csv"));
+    std::fs::write(&results, truth(&set, 0.0)).unwrap();
+    for file in ["scene_gt.json", "scene_gt_info.json"] {
+        std::fs::remove_file(set.join("test/000001").join(file)).unwrap();
+    }
+    let out = folder.path().join("e.csv");
+    for boxes in ["gt", "jittered"] {
+        let output = grip(&["estimate", set_name, "--boxes", boxes, "--out", out.to_str().unwrap()]);
+        assert_eq!(code(&output), 2);
+        assert!(stderr(&output).contains("scene_gt.json: is missing"), "{}", stderr(&output));
+        assert!(!out.exists());
+    }
+    let output = grip(&["estimate", set_name, "--boxes", "clusters", "--out", out.to_str().unwrap()]);
+    assert_eq!(code(&output), 0, "the targets say what to look for: {}", stderr(&output));
+    for results in [&out, &results] {
+        let output = grip(&["eval", set_name, results.to_str().unwrap()]);
+        assert_eq!(code(&output), 2, "{}", stdout(&output));
+        assert!(stderr(&output).contains("server alone"), "{}", stderr(&output));
+        assert_eq!(stdout(&output), "");
+    }
+    // Nor does anything say what there is to look for without targets.
+    std::fs::remove_file(set.join("test_targets_bop19.json")).unwrap();
+    let output = grip(&["estimate", set_name, "--boxes", "none", "--out", out.to_str().unwrap()]);
+    assert_eq!(code(&output), 2);
+    assert!(stderr(&output).contains("scene_gt.json: is missing"), "{}", stderr(&output));
+}
+
+/// Images that were not downloaded tell nothing about absent objects.
+#[test]
+fn estimates_of_images_that_the_set_has_not_do_not_count() {
+    let folder = tempfile::tempdir().unwrap();
+    let set = data_set(folder.path());
+    let (alone, more) = (folder.path().join("alone.csv"), folder.path().join("more.csv"));
+    let lines = truth(&set, 1.0);
+    std::fs::write(&alone, &lines).unwrap();
+    // The same of image 7, and of scene 3.
+    let (header, rows) = lines.split_once('\n').unwrap();
+    let elsewhere = |from: &str, to: &str| -> String {
+        rows.lines().filter_map(|row| Some(format!("{to}{}\n", row.strip_prefix(from)?))).collect()
+    };
+    let added = [elsewhere("1,0,", "1,7,"), elsewhere("1,0,", "3,0,")].concat();
+    std::fs::write(&more, format!("{header}\n{rows}{added}")).unwrap();
+    let (a, b) = (eval(&set, &alone, &[]), eval(&set, &more, &[]));
+    assert_eq!(a["ignored"], 0);
+    assert_eq!(b["ignored"], added.lines().count());
+    for figures in ["all", "conditions", "presence"] {
+        assert!(a[figures] == b[figures], "{figures} differ");
+    }
+}
+
+/// Targets of 2024 name images and no objects.
+#[test]
+fn what_the_targets_of_2024_name_is_what_counts() {
+    let folder = tempfile::tempdir().unwrap();
+    let set = data_set(folder.path());
+    std::fs::remove_file(set.join("test_targets_bop19.json")).unwrap();
+    let results = folder.path().join("r.csv");
+    // Estimates of the second image alone.
+    let lines: String =
+        truth(&set, 1.0).split_inclusive('\n').filter(|line| !line.starts_with("1,0,")).collect();
+    std::fs::write(&results, lines).unwrap();
+    let all = eval(&set, &results, &[]);
+    std::fs::write(set.join("test_targets_bop24.json"), r#"[{"scene_id": 1, "im_id": 1}]"#).unwrap();
+    let of_image = eval(&set, &results, &[]);
+    assert!(all["all"]["found"].as_f64().unwrap() < 0.6, "{all}");
+    assert_eq!(of_image["all"]["found"], 1.0);
+    assert_eq!(of_image["all"]["instances"], of_image["all"]["estimated"]);
+}

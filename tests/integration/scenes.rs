@@ -129,7 +129,7 @@ fn an_independent_checker_finds_nothing_wrong_and_conditions_are_what_they_say()
     let mut compared = 0;
     for im_id in 0..4 {
         let frame = set.frame(1, im_id).unwrap();
-        for truth in &frame.ground_truths {
+        for truth in frame.truth().unwrap() {
             let mesh = set.load_model(truth.obj_id).unwrap().mesh;
             let pose = &truth.camera_from_object;
             let found = bop::estimated_gt_info(&mesh, pose, &frame.depth, &frame.intrinsics).unwrap();

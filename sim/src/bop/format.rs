@@ -116,6 +116,15 @@ pub struct Target {
     pub inst_count: u32,
 }
 
+/// One entry of `test_targets_bop24.json`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, JsonSchema)]
+pub struct TargetImage {
+    /// Scene.
+    pub scene_id: u32,
+    /// Image of the scene.
+    pub im_id: u32,
+}
+
 /// `scene_camera.json`, by image.
 pub type SceneCamera = BTreeMap<u32, CameraEntry>;
 /// `scene_gt.json`, by image; the position in the list is the ground-truth index.

@@ -9,7 +9,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use super::format::{
     self, CameraEntry, GtEntry, GtInfo, MILLIMETRE, ModelInfo, ModelsFile, SceneCamera, SceneGt, SceneGtInfo,
-    Target,
+    Target, TargetImage,
 };
 use super::pictures;
 use crate::camera::Intrinsics;
@@ -39,7 +39,8 @@ pub struct Dataset {
 #[derive(Debug)]
 struct SceneFiles {
     camera: SceneCamera,
-    gt: SceneGt,
+    /// `None` where the truth is withheld.
+    gt: Option<SceneGt>,
     info: Option<SceneGtInfo>,
 }
 
@@ -58,9 +59,23 @@ pub struct BopFrame {
     pub intrinsics: Intrinsics,
     /// Pose of the camera, where the data set has it.
     pub world_from_camera: Option<Pose<World, Camera>>,
-    /// In the order of `scene_gt.json`: the position is the ground-truth index. Empty where truth is withheld.
-    pub ground_truths: Vec<GroundTruth>,
+    /// In the order of `scene_gt.json`: the position is the ground-truth index. `None` where the truth is withheld.
+    pub ground_truths: Option<Vec<GroundTruth>>,
 }
+
+impl BopFrame {
+    /// The truth.
+    ///
+    /// # Errors
+    /// Where it is withheld.
+    pub fn truth(&self) -> Result<&[GroundTruth]> {
+        self.ground_truths.as_deref().ok_or_else(|| Error::invalid("scene_gt.json", NO_TRUTH))
+    }
+}
+
+/// Of a split whose truth is not public.
+const NO_TRUTH: &str = "is missing, so the split has no truth; test sets whose truth is withheld are scored by the benchmark's \
+                        server alone: take a split with truth, and boxes that need none (--boxes pyramid, clusters or none)";
 
 /// One instance in an image.
 #[derive(Debug, Clone, PartialEq)]
@@ -144,6 +159,15 @@ impl Dataset {
     /// If the file is wrong.
     pub fn targets(&self) -> Result<Option<Vec<Target>>> {
         optional(&self.root.join("test_targets_bop19.json"), &["target"])
+    }
+
+    /// The images that an evaluation by the rules of 2024 asks for, from `test_targets_bop24.json`, which names no objects; `None`
+    /// without that file.
+    ///
+    /// # Errors
+    /// If the file is wrong.
+    pub fn target_images(&self) -> Result<Option<Vec<TargetImage>>> {
+        optional(&self.root.join("test_targets_bop24.json"), &["target"])
     }
 
     /// The targets that an evaluation of everything asks for: from the truth, all instances that are seen by at least
@@ -239,16 +263,23 @@ impl Dataset {
             depth,
             intrinsics: intrinsics(camera, size).map_err(in_image)?,
             world_from_camera: world_from_camera(camera).map_err(in_image)?,
-            ground_truths: ground_truths(&folder, &scene, im_id)?,
+            ground_truths: scene
+                .gt
+                .as_ref()
+                .map(|gt| ground_truths(&folder, &scene, gt, im_id))
+                .transpose()?,
         })
     }
 
     /// The truth about one image, without its pictures.
     ///
     /// # Errors
-    /// If there is no such image, or one of its entries is wrong.
+    /// If there is no such image, its truth is withheld, or one of its entries is wrong.
     pub fn ground_truths(&self, scene_id: u32, im_id: u32) -> Result<Vec<GroundTruth>> {
-        ground_truths(&self.scene_folder(scene_id), &*self.scene(scene_id)?, im_id)
+        let (folder, scene) = (self.scene_folder(scene_id), self.scene(scene_id)?);
+        camera(&folder, &scene, im_id)?;
+        let gt = scene.gt.as_ref().ok_or_else(|| Error::invalid(folder.join("scene_gt.json"), NO_TRUTH))?;
+        ground_truths(&folder, &scene, gt, im_id)
     }
 
     /// The silhouette of an instance within the image, also where others hide it; `None` where the data set has no such
@@ -271,7 +302,7 @@ impl Dataset {
     fn read_mask(&self, kind: &str, scene_id: u32, im_id: u32, index: usize) -> Result<Option<Image<bool>>> {
         let scene = self.scene(scene_id)?;
         let folder = self.scene_folder(scene_id);
-        let count = scene.gt.get(&im_id).map_or(0, Vec::len);
+        let count = scene.gt.as_ref().and_then(|gt| gt.get(&im_id)).map_or(0, Vec::len);
         if index >= count {
             let path = folder.join("scene_gt.json");
             let message =
@@ -303,7 +334,7 @@ impl Dataset {
         let folder = self.scene_folder(scene_id);
         let files = Arc::new(SceneFiles {
             camera: format::load(&folder.join("scene_camera.json"), &["image"])?,
-            gt: optional(&folder.join("scene_gt.json"), &["image", "ground truth"])?.unwrap_or_default(),
+            gt: optional(&folder.join("scene_gt.json"), &["image", "ground truth"])?,
             info: optional(&folder.join("scene_gt_info.json"), &["image", "ground truth"])?,
         });
         lock().insert(scene_id, Arc::clone(&files));
@@ -324,8 +355,8 @@ impl Dataset {
     }
 }
 
-fn ground_truths(folder: &Path, scene: &SceneFiles, im_id: u32) -> Result<Vec<GroundTruth>> {
-    let entries = scene.gt.get(&im_id).map_or(&[][..], Vec::as_slice);
+fn ground_truths(folder: &Path, scene: &SceneFiles, gt: &SceneGt, im_id: u32) -> Result<Vec<GroundTruth>> {
+    let entries = gt.get(&im_id).map_or(&[][..], Vec::as_slice);
     let infos = scene.info.as_ref().map(|info| info.get(&im_id).map_or(&[][..], Vec::as_slice));
     if let Some(infos) = infos
         && infos.len() != entries.len()

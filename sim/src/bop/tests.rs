@@ -108,8 +108,8 @@ fn a_scene_reads_back_as_it_was_written() {
         for (a, b) in frame.depth.data().iter().zip(sample.depth.data()) {
             assert!((a - b).abs() <= 0.5e-3 * UNIT_MM as f32 + 1e-6 && (*a == 0.0) == (*b == 0.0));
         }
-        assert_eq!(frame.ground_truths.len(), 3);
-        for (index, truth) in frame.ground_truths.iter().enumerate() {
+        assert_eq!(frame.truth().unwrap().len(), 3);
+        for (index, truth) in frame.truth().unwrap().iter().enumerate() {
             assert_eq!((truth.obj_id, truth.info), ([4, 9, 4][index], Some(sample.infos[index])));
             assert!(is_near(&truth.camera_from_object, &sample.poses[index]));
             assert_eq!(set.mask(7, im_id, index).unwrap().unwrap(), sample.masks[index][0]);
@@ -249,7 +249,7 @@ fn everything(root: &Path) -> crate::Result<()> {
     for scene in set.scenes()? {
         for image in set.images(scene)? {
             let frame = set.frame(scene, image)?;
-            for index in 0..frame.ground_truths.len() {
+            for index in 0..frame.truth().unwrap().len() {
                 set.mask(scene, image, index)?;
                 set.mask_visib(scene, image, index)?;
             }
@@ -443,7 +443,7 @@ fn a_real_frame_of_ycb_video_opens() {
     let set = Dataset::open(&root, None).unwrap();
     assert_eq!((set.split(), set.scenes().unwrap(), set.images(50).unwrap()), ("test", vec![50], vec![1]));
     let frame = set.frame(50, 1).unwrap();
-    let ids: Vec<u32> = frame.ground_truths.iter().map(|truth| truth.obj_id).collect();
+    let ids: Vec<u32> = frame.truth().unwrap().iter().map(|truth| truth.obj_id).collect();
     assert_eq!(ids, [2, 4, 5, 10, 15], "cracker box, soup can, mustard, banana, drill");
     let asked: Vec<u32> = set.targets().unwrap().unwrap().iter().map(|target| target.obj_id).collect();
     assert_eq!(asked, ids);
@@ -452,7 +452,7 @@ fn a_real_frame_of_ycb_video_opens() {
     let infos = set.models_info().unwrap();
     assert_eq!(infos[&1].symmetries.continuous.len(), 1);
     assert_eq!(infos[&16].symmetries.discrete.len(), 2);
-    for truth in &frame.ground_truths {
+    for truth in frame.truth().unwrap() {
         assert!(truth.info.is_none());
         let model = set.load_model(truth.obj_id).unwrap();
         model.mesh.validate().unwrap();

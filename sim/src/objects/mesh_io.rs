@@ -2,6 +2,7 @@
 //!
 //! Whatever the files hold, the result passes [`Mesh::validate`], or there is an error that names the file.
 
+use std::borrow::Cow;
 use std::io::BufReader;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -11,6 +12,7 @@ use nalgebra::{Point3, Vector3};
 use ply_rs_bw::parser::Parser;
 use ply_rs_bw::ply::{DefaultElement, Property};
 
+use super::obj::{self, Obj};
 use crate::mesh::{Material, Mesh, Visual};
 use crate::{Error, Result};
 
@@ -26,11 +28,13 @@ const CREASE: f64 = 0.7;
 pub fn load_obj(path: &Path) -> Result<Visual> {
     let invalid = |message: String| Error::invalid(path, message);
     std::fs::metadata(path).map_err(|source| Error::io(path, source))?;
-    let (models, materials) = tobj::load_obj(path, &tobj::GPU_LOAD_OPTIONS)
-        .map_err(|error| invalid(format!("not a readable OBJ file: {error}")))?;
-    let materials = materials.map_err(|error| {
-        invalid(format!("its material library (mtllib): {error}; it belongs beside the OBJ"))
-    })?;
+    let read = |path: &Path| std::fs::read(path).map(Cow::Owned).map_err(|error| error.to_string());
+    let Obj { models, materials, absent } =
+        obj::load(path, read).map_err(|error| invalid(format!("not a readable OBJ file: {error}")))?;
+    // What an object looks like matters, unlike a robot's link.
+    if let Some(library) = absent {
+        return Err(invalid(format!("its material library {library} is missing; it belongs beside the OBJ")));
+    }
 
     let mut mesh = Mesh::default();
     let textured =

@@ -8,6 +8,7 @@
 //! | `builtin` | parametric models of all 21 objects |
 //! | [`scans`] | models from the official YCB scans or from BOP |
 //! | [`mesh_io`] | OBJ and PLY files |
+//! | `obj` | OBJ files and material libraries as people write them |
 //! | [`decompose`] | convex pieces of a scanned mesh |
 //! | [`Axis`] | turns that keep an object's shape, as declared in the table |
 //! | [`collision_error()`] | how far the pieces are from the mesh |
@@ -17,6 +18,7 @@ pub mod collision_error;
 pub mod decompose;
 pub mod library;
 pub mod mesh_io;
+pub(crate) mod obj;
 pub mod scans;
 mod symmetry;
 pub mod table;

@@ -9,6 +9,7 @@ use nalgebra::{Point3, Vector3};
 use super::collada;
 use super::mesh_part::{Part, read, texture};
 use crate::mesh::{Material, Mesh};
+use crate::objects::obj::{self, Obj};
 
 /// Reads all parts of a mesh file, scaled along the axes.
 pub(super) fn load(path: &Path, scale: &Vector3<f64>) -> Result<Vec<Part>, String> {
@@ -16,7 +17,7 @@ pub(super) fn load(path: &Path, scale: &Vector3<f64>) -> Result<Vec<Part>, Strin
     let mut parts = match ending.as_str() {
         "stl" => stl(&read(path)?)?,
         "dae" => collada::load(&read(path)?, path.parent())?,
-        "obj" => obj(path)?,
+        "obj" => wavefront(path)?,
         _ => {
             return Err(format!("mesh format '{ending}' is not supported; convert it to .stl, .dae or .obj"));
         }
@@ -127,15 +128,14 @@ fn stl(bytes: &[u8]) -> Result<Vec<Part>, String> {
         .collect())
 }
 
-fn obj(path: &Path) -> Result<Vec<Part>, String> {
-    let library = |name: &Path| {
-        let path = path.parent().unwrap_or(Path::new(".")).join(name);
-        let bytes = read(&path).map_err(|_| tobj::LoadError::OpenFileFailed)?;
-        tobj::load_mtl_buf(&mut &*bytes)
-    };
-    let (models, materials) = tobj::load_obj_buf(&mut &*read(path)?, &tobj::GPU_LOAD_OPTIONS, library)
-        .map_err(|error| error.to_string())?;
-    let materials = materials.map_err(|error| format!("its material library: {error}"))?;
+fn wavefront(path: &Path) -> Result<Vec<Part>, String> {
+    let Obj { models, materials, absent } = obj::load(path, read)?;
+    if let Some(library) = absent {
+        log::warn!(
+            "{}: its material library {library} is not there; its materials are left out",
+            path.display()
+        );
+    }
     let folder = path.parent();
     models
         .into_iter()

@@ -267,8 +267,19 @@ fn obj_with_its_material_library_is_read() {
     assert_eq!(visual.material.base_color, [0.0, 0.0, 1.0]);
     assert_eq!(visual.mesh.triangles.len(), 4);
     std::fs::remove_file(package.root.join("meshes/cube.mtl")).unwrap();
+    // Many published descriptions lack it: the shape is there all the same.
+    let plain = package.load(&self::visual("cube.obj")).unwrap();
+    let visual = &plain.links()[0].visuals[0].visual;
+    assert_eq!(visual.mesh.triangles.len(), 4);
+    assert_ne!(visual.material.base_color, [0.0, 0.0, 1.0]);
+    // A colour of one number is grey; one of none is an error that names the library and its line.
+    let library = package.root.join("meshes/cube.mtl");
+    std::fs::write(&library, "newmtl blue\nKd 0.25\n").unwrap();
+    let grey = package.load(&self::visual("cube.obj")).unwrap();
+    assert_eq!(grey.links()[0].visuals[0].visual.material.base_color, [0.25; 3]);
+    std::fs::write(&library, "newmtl blue\nKd\n").unwrap();
     let error = package.error(&self::visual("cube.obj"));
-    assert!(error.contains("material library"), "{error}");
+    assert!(error.contains("cube.mtl: line 2, 'Kd'"), "{error}");
 }
 
 #[test]
