@@ -1,8 +1,8 @@
 //! Things that shine: what a depth camera loses on metal, foil and glossy print.
 //!
 //! A surface that mirrors sends the projected pattern elsewhere, or blinds the camera with it. How much of a surface that is
-//! depends on its curvature and on the pattern's wavelength, which nobody has measured for these objects; so it is drawn. The
-//! cans of YCB-Video lack up to half of their readings in some frames.
+//! depends on its curvature and on the pattern's wavelength, which are not known for these objects; so it is drawn, from a range
+//! that is ours.
 
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
