@@ -63,6 +63,7 @@ pub struct Program {
 /// A file or folder, and SHA-256 of its content.
 #[derive(Serialize, JsonSchema)]
 struct Digested<'a> {
+    #[serde(serialize_with = "grip_sim::files::shown")]
     path: &'a Path,
     sha256: String,
 }
@@ -78,6 +79,7 @@ pub struct ObjectEntry<'a> {
 #[derive(Debug, Serialize, JsonSchema)]
 pub struct RobotEntry<'a> {
     name: &'a str,
+    #[serde(serialize_with = "grip_sim::files::shown")]
     path: &'a Path,
     sha256: String,
     config_sha256: String,

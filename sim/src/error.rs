@@ -10,12 +10,12 @@ pub type Result<T> = std::result::Result<T, Error>;
 #[non_exhaustive]
 pub enum Error {
     /// A file or folder could not be opened, read or written.
-    #[error("{}: {source}; check that the path exists and may be accessed", path.display())]
+    #[error("{}: {reason}; check that the path exists and may be accessed", path.display())]
     Io {
         /// The file or folder.
         path: PathBuf,
-        /// What the system said.
-        source: std::io::Error,
+        /// What the system said; part of the message, and so no source of its own.
+        reason: std::io::Error,
     },
     /// A file was read but its content is not what it should be.
     #[error("{}: {message}", path.display())]
@@ -53,12 +53,21 @@ pub enum Error {
 
 impl Error {
     /// An [`Error::Io`] for `path`.
-    pub fn io(path: impl Into<PathBuf>, source: std::io::Error) -> Self {
-        Self::Io { path: path.into(), source }
+    pub fn io(path: impl Into<PathBuf>, reason: std::io::Error) -> Self {
+        Self::Io { path: path.into(), reason }
     }
 
     /// An [`Error::Invalid`] for `path`.
     pub fn invalid(path: impl Into<PathBuf>, message: impl Into<String>) -> Self {
         Self::Invalid { path: path.into(), message: message.into() }
+    }
+
+    /// What is wrong with a file, for a caller that names it itself.
+    pub(crate) fn without_file(self) -> String {
+        match self {
+            Self::Io { reason, .. } => reason.to_string(),
+            Self::Invalid { message, .. } => message,
+            other => other.to_string(),
+        }
     }
 }

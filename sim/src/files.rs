@@ -19,8 +19,12 @@ use std::io;
 use std::path::{Component, Path, PathBuf};
 
 use include_dir::{Dir, File, include_dir};
+use percent_encoding::percent_decode_str;
 
 use crate::error::{Error, Result};
+
+mod mistaken;
+pub(crate) mod text;
 
 /// How paths of built-in files begin.
 pub const PREFIX: &str = "builtin:";
@@ -50,26 +54,22 @@ pub fn builtin() -> Vec<(String, &'static [u8])> {
 /// The bytes of a file.
 ///
 /// # Errors
-/// [`Error::Io`] when it cannot be read.
+/// [`Error::Io`] when it cannot be read; [`Error::Invalid`] when something else is in its place: nothing at all, a Git LFS pointer,
+/// an HTML page, an archive.
 pub fn read(path: &Path) -> Result<Cow<'static, [u8]>> {
-    match inside(path) {
+    let bytes = match inside(path) {
         Some(inside) => file(&inside).map(|file| Cow::Borrowed(file.contents())).ok_or_else(|| missing(path)),
         None => std::fs::read(path).map(Cow::Owned).map_err(|source| Error::io(path, source)),
-    }
+    }?;
+    mistaken::instead(&bytes).map_or(Ok(bytes), |what| Err(Error::invalid(path, what)))
 }
 
-/// The text of a file.
+/// The text of a file: UTF-8, or UTF-16 with a byte order mark. The mark is left out.
 ///
 /// # Errors
-/// [`Error::Io`] when it cannot be read or is not UTF-8.
+/// As [`read`]; [`Error::Invalid`] when it is no text.
 pub fn read_to_string(path: &Path) -> Result<Cow<'static, str>> {
-    let not_text = |error| Error::io(path, io::Error::new(io::ErrorKind::InvalidData, error));
-    match read(path)? {
-        Cow::Borrowed(bytes) => std::str::from_utf8(bytes).map(Cow::Borrowed).map_err(not_text),
-        Cow::Owned(bytes) => {
-            String::from_utf8(bytes).map(Cow::Owned).map_err(|error| not_text(error.utf8_error()))
-        }
-    }
+    text::strict(read(path)?).map_err(|message| Error::invalid(path, message))
 }
 
 /// Whether there is such a file or folder.
@@ -78,6 +78,30 @@ pub fn exists(path: &Path) -> bool {
         Some(inside) => file(&inside).is_some() || dir(&inside).is_some(),
         None => path.exists(),
     }
+}
+
+/// The path that a URI or relative name in a file of others means, seen from the folder of that file.
+///
+/// Names are percent-encoded by some programs and not by others: one that is there as it stands is that file.
+pub(crate) fn named(folder: &Path, name: &str) -> PathBuf {
+    // file://localhost/path is the same as file:///path, and file:path is written, too.
+    let rest = name.strip_prefix("file:").unwrap_or(name);
+    let rest = rest.strip_prefix("//localhost").or_else(|| rest.strip_prefix("//")).unwrap_or(rest);
+    let rest = rest.replace('\\', "/");
+    let literal = folder.join(&rest);
+    let decoded = percent_decode_str(&rest).decode_utf8().map(|name| folder.join(&*name));
+    match decoded {
+        Ok(decoded) if !exists(&literal) => decoded,
+        _ => literal,
+    }
+}
+
+/// Serialises a path for people: names need not be UTF-8, JSON must be.
+///
+/// # Errors
+/// Those of the serialiser.
+pub fn shown<S: serde::Serializer>(path: &impl AsRef<Path>, serializer: S) -> std::result::Result<S::Ok, S::Error> {
+    serializer.serialize_str(&path.as_ref().to_string_lossy())
 }
 
 /// The files directly in a folder, sorted.
@@ -193,6 +217,31 @@ mod tests {
         let names = list(&builtin_path("scenes/conditions")).unwrap();
         assert!(names.contains(&builtin_path("scenes/conditions/base.toml")), "{names:?}");
         assert_eq!(names.len(), list(&root().join("scenes/conditions")).unwrap().len());
+    }
+
+    #[test]
+    fn names_in_files_of_others_are_uris_or_names() {
+        let folder = tempfile::tempdir().unwrap();
+        let here = |name: &str| folder.path().join(name);
+        for name in ["my label.png", "50%25.png", "größe.png"] {
+            std::fs::write(here(name), "x").unwrap();
+        }
+        for (name, wanted) in [
+            ("my%20label.png", "my label.png"),
+            ("my label.png", "my label.png"),
+            ("./my%20label.png", "./my label.png"),
+            // There as it stands.
+            ("50%25.png", "50%25.png"),
+            ("gr%C3%B6%c3%9fe.png", "größe.png"),
+            ("none%20.png", "none .png"),
+            ("100%.png", "100%.png"),
+            ("a\\b.png", "a/b.png"),
+        ] {
+            assert_eq!(named(folder.path(), name), here(wanted), "{name}");
+        }
+        let whole = format!("file://{}", here("my%20label.png").display());
+        assert_eq!(named(Path::new("elsewhere"), &whole), here("my label.png"));
+        assert_eq!(named(Path::new("x"), "file://localhost/a%20b"), Path::new("/a b"));
     }
 
     #[test]

@@ -32,6 +32,7 @@ pub mod images;
 pub mod lanes;
 pub mod mesh;
 pub mod objects;
+pub mod pictures;
 pub mod pose;
 pub mod range;
 pub mod render;

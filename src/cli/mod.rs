@@ -1,6 +1,6 @@
 //! The command line, as data. What it does stands in `commands`.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use anyhow::{Context, Result};
@@ -185,11 +185,22 @@ pub struct RobotFile {
 impl RobotFile {
     /// The URDF's path, the robot in it, and the project's settings of it.
     pub fn load(&self) -> Result<(PathBuf, RobotModel, RobotConfig)> {
+        let (urdf, robot) = self.model()?;
+        let config = Self::config(&urdf, &robot)?;
+        Ok((urdf, robot, config))
+    }
+
+    /// The URDF's path, and the robot in it, whichever it is.
+    pub fn model(&self) -> Result<(PathBuf, RobotModel)> {
         let urdf = self.robot.clone().unwrap_or_else(|| grip::assets::find("robots/fetch/fetch.urdf"));
         let robot = RobotModel::load(&urdf, &self.package_path)?;
-        let config = RobotConfig::load(&grip::assets::find("robots/fetch/fetch.toml"), &robot)
-            .with_context(|| format!("{}: does not fit the Fetch's settings", urdf.display()))?;
-        Ok((urdf, robot, config))
+        Ok((urdf, robot))
+    }
+
+    /// The project's settings of a robot, if it is a Fetch.
+    pub fn config(urdf: &Path, robot: &RobotModel) -> Result<RobotConfig> {
+        RobotConfig::load(&grip::assets::find("robots/fetch/fetch.toml"), robot)
+            .with_context(|| format!("{}: does not fit the Fetch's settings", urdf.display()))
     }
 }
 

@@ -25,6 +25,7 @@ pub const SCHEMA: &str = "grip.convergence/1";
 #[derive(Serialize, JsonSchema)]
 pub struct ConvergenceReport<'a> {
     schema: &'static str,
+    #[serde(serialize_with = "grip_sim::files::shown")]
     dataset: &'a Path,
     split: &'a str,
     scene_id: u32,
@@ -32,6 +33,7 @@ pub struct ConvergenceReport<'a> {
     /// Where boxes came from.
     boxes: &'a str,
     /// The figure.
+    #[serde(serialize_with = "grip_sim::files::shown")]
     out: &'a Path,
     estimators: Vec<EstimatorSummary<'a>>,
     trials: &'a [Search],

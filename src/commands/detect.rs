@@ -10,7 +10,6 @@ use grip_perception::{Detection, HeatMaps, PyramidCnn};
 use grip_sim::bop::{self, Dataset};
 use grip_sim::images::RgbImage;
 use grip_sim::objects::ObjectModel;
-use image::{ImageError, ImageReader};
 use rayon::prelude::*;
 use schemars::JsonSchema;
 use serde::Serialize;
@@ -48,6 +47,7 @@ pub const IMAGE_SCHEMA: &str = "grip.detect-image/1";
 #[derive(Serialize, JsonSchema)]
 pub struct DetectReport<'a> {
     schema: &'static str,
+    #[serde(serialize_with = "grip_sim::files::shown")]
     dataset: &'a Path,
     split: &'a str,
     /// The network, and what runs it.
@@ -69,6 +69,7 @@ pub struct DetectReport<'a> {
 #[derive(Serialize, JsonSchema)]
 pub struct ImageReport<'a> {
     schema: &'static str,
+    #[serde(serialize_with = "grip_sim::files::shown")]
     image: &'a Path,
     /// Boxes of a lower confidence are left out.
     least_confidence: f64,
@@ -98,7 +99,7 @@ fn of_picture(args: &DetectArgs, network: &PyramidCnn) -> Result<()> {
     if let Some(path) = &args.heatmaps {
         plot::check_place(path)?;
     }
-    let picture = read_picture(&args.input)?;
+    let picture = grip_sim::pictures::upright(&args.input)?;
     let began = Instant::now();
     let maps = network.look(&picture)?;
     let seconds = began.elapsed().as_secs_f64();
@@ -143,23 +144,6 @@ fn of_picture(args: &DetectArgs, network: &PyramidCnn) -> Result<()> {
         found.len(),
         without(args.least_confidence),
     ))
-}
-
-fn read_picture(path: &Path) -> Result<RgbImage> {
-    let shown = path.display();
-    let unreadable = |e: ImageError| {
-        anyhow::anyhow!("{shown}: {e}; give a PNG or JPEG picture, or the folder of a BOP data set")
-    };
-    let mut reader = ImageReader::open(path)
-        .with_context(|| format!("{shown}: cannot read the picture"))?
-        .with_guessed_format()
-        .with_context(|| format!("{shown}: cannot read the picture"))?;
-    // What a camera may deliver, and not what a broken header says.
-    let mut limits = image::Limits::default();
-    limits.max_image_width = Some(16_384);
-    limits.max_image_height = Some(16_384);
-    reader.limits(limits);
-    Ok(reader.decode().map_err(unreadable)?.into_rgb8())
 }
 
 /// What came of an image.

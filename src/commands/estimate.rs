@@ -25,6 +25,7 @@ pub struct EstimateReport<'a> {
     schema: &'static str,
     settings: &'a RunDescription<'a>,
     /// The results file.
+    #[serde(serialize_with = "grip_sim::files::shown")]
     out: &'a Path,
     /// Estimated now.
     images: usize,
@@ -40,6 +41,7 @@ pub struct EstimateReport<'a> {
 /// All that the poses depend on; a run that goes on must have the same.
 #[derive(Serialize, JsonSchema)]
 struct RunDescription<'a> {
+    #[serde(serialize_with = "grip_sim::files::shown")]
     dataset: &'a Path,
     split: &'a str,
     /// Where boxes came from.

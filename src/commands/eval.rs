@@ -26,8 +26,10 @@ pub const SCHEMA: &str = "grip.eval/1";
 #[derive(Serialize, JsonSchema)]
 pub struct EvalReport<'a> {
     schema: &'static str,
+    #[serde(serialize_with = "grip_sim::files::shown")]
     dataset: &'a Path,
     split: &'a str,
+    #[serde(serialize_with = "grip_sim::files::shown")]
     results: &'a Path,
     /// Ends of the two areas under a curve, metres.
     thresholds_m: [f64; 2],

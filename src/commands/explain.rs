@@ -21,12 +21,15 @@ pub const SCHEMA: &str = "grip.explain/1";
 #[derive(Serialize, JsonSchema)]
 pub struct ExplainReport<'a> {
     schema: &'static str,
+    #[serde(serialize_with = "grip_sim::files::shown")]
     dataset: &'a Path,
     split: &'a str,
+    #[serde(serialize_with = "grip_sim::files::shown")]
     results: &'a Path,
     scene_id: u32,
     im_id: u32,
     /// The picture.
+    #[serde(serialize_with = "grip_sim::files::shown")]
     out: &'a Path,
     /// Depth that differs less than this from what is rendered counts as explained, metres.
     inlier_m: f64,

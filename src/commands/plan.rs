@@ -23,6 +23,7 @@ pub const SCHEMA: &str = "grip.plan/1";
 #[derive(Serialize, JsonSchema)]
 pub struct PlanReport<'a> {
     schema: &'static str,
+    #[serde(serialize_with = "grip_sim::files::shown")]
     urdf: &'a Path,
     seed: u64,
     jobs: usize,
@@ -51,17 +52,17 @@ struct Summary {
     /// Start and goal are free in our model.
     valid: usize,
     solved: usize,
-    /// Of the solved: search and shortening together, milliseconds.
-    median_ms: f64,
-    mean_ms: f64,
-    p95_ms: f64,
-    max_ms: f64,
+    /// Of the solved: search and shortening together, milliseconds. Null where none is solved, as what follows.
+    median_ms: Option<f64>,
+    mean_ms: Option<f64>,
+    p95_ms: Option<f64>,
+    max_ms: Option<f64>,
     /// Medians of the parts, milliseconds: search, shortening, timing.
-    parts_ms: [f64; 3],
+    parts_ms: [Option<f64>; 3],
     /// Median length of the shortened path, norm of joint values.
-    median_length: f64,
+    median_length: Option<f64>,
     /// Median duration of the trajectory, seconds.
-    median_duration_s: f64,
+    median_duration_s: Option<f64>,
 }
 
 /// Solves, checks and prints.
@@ -138,8 +139,7 @@ fn summary<'a>(set: &str, results: impl Iterator<Item = &'a ProblemResult> + Clo
         values.sort_by(f64::total_cmp);
         values
     };
-    // Of nothing solved there are no figures.
-    let quantile = |values: &[f64], q| if values.is_empty() { f64::NAN } else { quantile(values, q) };
+    let quantile = |values: &[f64], q| (!values.is_empty()).then(|| quantile(values, q));
     let total = sorted(&|r| r.search_ms + r.simplify_ms);
     let problems = results.clone().count();
     Summary {
@@ -148,9 +148,9 @@ fn summary<'a>(set: &str, results: impl Iterator<Item = &'a ProblemResult> + Clo
         valid: problems - results.filter(invalid).count(),
         solved: solved.len(),
         median_ms: quantile(&total, 0.5),
-        mean_ms: total.iter().sum::<f64>() / total.len().max(1) as f64,
+        mean_ms: (!total.is_empty()).then(|| total.iter().sum::<f64>() / total.len() as f64),
         p95_ms: quantile(&total, 0.95),
-        max_ms: total.last().copied().unwrap_or(f64::NAN),
+        max_ms: total.last().copied(),
         parts_ms: [
             quantile(&sorted(&|r| r.search_ms), 0.5),
             quantile(&sorted(&|r| r.simplify_ms), 0.5),
@@ -179,7 +179,8 @@ fn table(summaries: &[Summary]) -> String {
     ];
     let right: Vec<usize> = (1..header.len()).collect();
     let rows = summaries.iter().map(|s| {
-        let ms = |v: f64| format!("{v:.2}");
+        let shown = |value: Option<f64>, digits: usize| value.map_or("-".to_owned(), |v| format!("{v:.digits$}"));
+        let ms = |value| shown(value, 2);
         [
             s.set.clone(),
             s.problems.to_string(),
@@ -192,8 +193,8 @@ fn table(summaries: &[Summary]) -> String {
             ms(s.parts_ms[0]),
             ms(s.parts_ms[1]),
             ms(s.parts_ms[2]),
-            format!("{:.2}", s.median_length),
-            format!("{:.1}", s.median_duration_s),
+            ms(s.median_length),
+            shown(s.median_duration_s, 1),
         ]
     });
     output::table(header, &right, rows)

@@ -8,7 +8,7 @@ use serde::Serialize;
 
 use super::Done;
 use super::output;
-use crate::cli::RobotArgs;
+use crate::cli::{RobotArgs, RobotFile};
 
 /// Version of what `--json` prints.
 pub const SCHEMA: &str = "grip.robot/1";
@@ -18,11 +18,14 @@ pub const SCHEMA: &str = "grip.robot/1";
 pub struct RobotReport<'a> {
     schema: &'static str,
     name: &'a str,
+    #[serde(serialize_with = "grip_sim::files::shown")]
     urdf: &'a Path,
     links: usize,
     meshes: usize,
     visuals: usize,
     collisions: usize,
+    /// Why it cannot take the Fetch's place in trials; null when it can.
+    unfit: Option<String>,
     /// Those that move.
     joints: Vec<JointReport<'a>>,
 }
@@ -36,15 +39,16 @@ struct JointReport<'a> {
     /// Null where it turns on and on.
     lower: Option<f64>,
     upper: Option<f64>,
-    /// A second.
-    velocity: f64,
-    /// Newtons or newton metres.
-    effort: f64,
+    /// A second. Null where the URDF has no such limit.
+    velocity: Option<f64>,
+    /// Newtons or newton metres. Null where the URDF has no such limit.
+    effort: Option<f64>,
 }
 
 /// Prints joints, limits and the count of what was read.
 pub fn run(args: &RobotArgs) -> Result<Done> {
-    let (urdf, robot, _) = args.robot.load()?;
+    let (urdf, robot) = args.robot.model()?;
+    let unfit = RobotFile::config(&urdf, &robot).err().map(|error| format!("{error:#}"));
     let loaded = robot.loaded();
     if args.json {
         let finite = |v: f64| v.is_finite().then_some(v);
@@ -53,8 +57,8 @@ pub fn run(args: &RobotArgs) -> Result<Done> {
             kind: format!("{:?}", joint.kind).to_lowercase(),
             lower: finite(joint.limits.lower),
             upper: finite(joint.limits.upper),
-            velocity: joint.limits.velocity,
-            effort: joint.limits.effort,
+            velocity: finite(joint.limits.velocity),
+            effort: finite(joint.limits.effort),
         });
         output::json(&RobotReport {
             schema: SCHEMA,
@@ -64,6 +68,7 @@ pub fn run(args: &RobotArgs) -> Result<Done> {
             meshes: loaded.meshes,
             visuals: loaded.visuals,
             collisions: loaded.collisions,
+            unfit,
             joints: joints.collect(),
         })?;
         return Ok(Done::Fully);
@@ -78,19 +83,22 @@ pub fn run(args: &RobotArgs) -> Result<Done> {
         loaded.collisions,
         loaded.meshes
     ))?;
-    let bound = |v: f64| if v.is_finite() { format!("{v:.4}") } else { "-".to_string() };
+    let shown = |v: f64, digits: usize| if v.is_finite() { format!("{v:.digits$}") } else { "-".to_string() };
     let rows = robot.joints().iter().map(|joint| {
         [
             joint.name.clone(),
             format!("{:?}", joint.kind).to_lowercase(),
-            bound(joint.limits.lower),
-            bound(joint.limits.upper),
-            format!("{:.3}", joint.limits.velocity),
-            format!("{:.2}", joint.limits.effort),
+            shown(joint.limits.lower, 4),
+            shown(joint.limits.upper, 4),
+            shown(joint.limits.velocity, 3),
+            shown(joint.limits.effort, 2),
         ]
     });
     let header = ["joint", "kind", "lower", "upper", "velocity", "effort"];
     let table = output::table(header, &[2, 3, 4, 5], rows);
     output::data(format_args!("{table}"))?;
+    if let Some(reason) = unfit {
+        output::message(format_args!("it can be looked at here, but not take the Fetch's place in trials: {reason}"));
+    }
     Ok(Done::Fully)
 }

@@ -24,6 +24,7 @@ pub const SCHEMA: &str = "grip.scenes/1";
 pub struct ScenesReport<'a> {
     schema: &'static str,
     /// The data set's folder.
+    #[serde(serialize_with = "grip_sim::files::shown")]
     out: &'a Path,
     /// Scenes made now.
     scenes: u32,

@@ -87,6 +87,6 @@ impl Perception for Recorded {
     }
 
     fn description(&self) -> Value {
-        json!({ "name": "csv", "path": self.path, "sha256": self.sha256 })
+        json!({ "name": "csv", "path": self.path.to_string_lossy(), "sha256": self.sha256 })
     }
 }

@@ -9,6 +9,7 @@ use schemars::JsonSchema;
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Deserializer, Serialize};
 
+use crate::files;
 use crate::{Error, Result};
 
 /// Metres in a millimetre.
@@ -315,7 +316,7 @@ pub(super) fn matrix(iso: &Isometry3<f64>) -> ([f64; 9], [f64; 3]) {
 /// # Errors
 /// [`Error::Io`], or [`Error::Invalid`] with the place in the file in those words, the field and the value.
 pub(super) fn load<T: DeserializeOwned>(path: &Path, levels: &[&str]) -> Result<T> {
-    let text = std::fs::read_to_string(path).map_err(|source| Error::io(path, source))?;
+    let text = files::read_to_string(path)?;
     let mut json = serde_json::Deserializer::from_str(&text);
     let value = serde_path_to_error::deserialize(&mut json).map_err(|error| {
         let place = place(error.path(), levels);

@@ -1,13 +1,13 @@
-//! PNG files: colour, 16-bit depth and masks. Written fast and the same every time; read with care.
+//! Colour, 16-bit depth and masks: written as PNG, fast and the same every time; read from any format.
 
-use std::io::Cursor;
 use std::path::Path;
 
-use image::{DynamicImage, ImageReader, RgbImage};
+use image::{DynamicImage, RgbImage};
 use png::{BitDepth, ColorType, Compression, Filter};
 
 use super::format::MILLIMETRE;
 use crate::images::{DepthImage, Image};
+use crate::pictures;
 use crate::{Error, Result};
 
 /// 8-bit RGB. `name` is for errors.
@@ -61,14 +61,9 @@ fn encode(
     Ok(file)
 }
 
-/// A colour or grey picture, PNG or JPEG, as RGB.
-pub(super) fn read_rgb(path: &Path) -> Result<RgbImage> {
-    Ok(decode(path)?.into_rgb8())
-}
-
 /// A 16-bit depth picture in metres; 0 stays 0.
 pub(super) fn read_depth(path: &Path, unit_mm: f64) -> Result<DepthImage> {
-    match decode(path)? {
+    match pictures::values(path)? {
         DynamicImage::ImageLuma16(picture) => {
             let metres = |units: u16| (f64::from(units) * unit_mm * MILLIMETRE) as f32;
             let (width, height) = picture.dimensions();
@@ -78,27 +73,18 @@ pub(super) fn read_depth(path: &Path, unit_mm: f64) -> Result<DepthImage> {
         }
         other => Err(Error::invalid(
             path,
-            format!("is a picture of {:?}; depth must be 16-bit grey (L16)", other.color()),
+            format!("is a picture of {:?}; depth must be 16-bit grey (L16), as RealSense and Kinect tools and BOP sets have it", other.color()),
         )),
     }
 }
 
 /// A mask: set where not 0.
 pub(super) fn read_mask(path: &Path) -> Result<Image<bool>> {
-    let picture = decode(path)?.into_luma8();
+    let picture = pictures::values(path)?.into_luma8();
     let (width, height) = picture.dimensions();
     let data = picture.into_raw().into_iter().map(|value| value > 0).collect();
     Image::from_vec(width as usize, height as usize, data)
         .ok_or_else(|| Error::invalid(path, "has another number of pixels than its header says"))
-}
-
-fn decode(path: &Path) -> Result<DynamicImage> {
-    let bytes = std::fs::read(path).map_err(|source| Error::io(path, source))?;
-    let reader = ImageReader::new(Cursor::new(bytes)).with_guessed_format();
-    let reader = reader.map_err(|source| Error::io(path, source))?;
-    reader.decode().map_err(|error| {
-        Error::invalid(path, format!("not a whole PNG or JPEG picture: {error}; copy or write it again"))
-    })
 }
 
 #[cfg(test)]
@@ -149,7 +135,7 @@ mod tests {
         };
         let name = Path::new("test");
         let path = time("rgb", &|| encode_rgb(name, &rgb).unwrap());
-        assert_eq!(read_rgb(&path).unwrap(), rgb);
+        assert_eq!(pictures::stored(&path).unwrap(), rgb);
         let path = time("mask", &|| encode_mask(name, &mask).unwrap());
         assert_eq!(read_mask(&path).unwrap(), mask);
         for unit_mm in [1.0, 0.1] {

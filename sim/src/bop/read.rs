@@ -11,11 +11,12 @@ use super::format::{
     self, CameraEntry, GtEntry, GtInfo, MILLIMETRE, ModelInfo, ModelsFile, SceneCamera, SceneGt, SceneGtInfo,
     Target, TargetImage,
 };
-use super::pictures;
+use super::pictures::read_mask;
 use crate::camera::Intrinsics;
 use crate::images::{DepthImage, Image, RgbImage};
 use crate::mesh::Visual;
 use crate::objects::mesh_io;
+use crate::pictures;
 use crate::pose::{Camera, Object, Pose, World};
 use crate::{Error, Result};
 
@@ -251,10 +252,10 @@ impl Dataset {
         let camera = camera(&folder, &scene, im_id)?;
         let in_image = |message: String| in_camera_file(&folder, im_id, &message);
         let rgb_path = rgb_path(&folder, im_id)?;
-        let rgb = pictures::read_rgb(&rgb_path)?;
+        let rgb = pictures::stored(&rgb_path)?;
         let size = [rgb.width() as usize, rgb.height() as usize];
-        let depth_path = depth_path(&folder, im_id);
-        let depth = read_depth(&folder, im_id, camera)?;
+        let depth_path = depth_path(&folder, im_id)?;
+        let depth = read_depth(&depth_path, &folder, im_id, camera)?;
         same_size(&depth_path, [depth.width(), depth.height()], &rgb_path, size)?;
         Ok(BopFrame {
             scene_id,
@@ -313,11 +314,9 @@ impl Dataset {
         if !path.exists() {
             return Ok(None);
         }
-        let mask = pictures::read_mask(&path)?;
+        let mask = read_mask(&path)?;
         let rgb = rgb_path(&folder, im_id)?;
-        let (width, height) = image::image_dimensions(&rgb)
-            .map_err(|error| Error::invalid(&rgb, format!("not a picture: {error}")))?;
-        same_size(&path, [mask.width(), mask.height()], &rgb, [width as usize, height as usize])?;
+        same_size(&path, [mask.width(), mask.height()], &rgb, pictures::size(&rgb)?)?;
         Ok(Some(mask))
     }
 
@@ -408,12 +407,29 @@ fn world_from_camera(camera: &CameraEntry) -> std::result::Result<Option<Pose<Wo
 
 /// The colour or grey picture of an image, whichever the data set has.
 fn rgb_path(folder: &Path, im_id: u32) -> Result<PathBuf> {
-    let kinds = [("rgb", "png"), ("rgb", "jpg"), ("gray", "png"), ("gray", "jpg")];
-    let path = |(kind, ending): (&str, &str)| folder.join(format!("{kind}/{im_id:06}.{ending}"));
-    kinds.into_iter().map(path).find(|path| path.is_file()).ok_or_else(|| {
-        let message =
-            "no such file, nor a .jpg, nor one in gray/; unpack the set's images, or leave this image out";
-        Error::invalid(path(kinds[0]), message)
+    picture_path(folder, &["rgb", "gray"], im_id)
+}
+
+/// A picture of an image in the first of `kinds` that has it, in any format that is read.
+fn picture_path(folder: &Path, kinds: &[&str], im_id: u32) -> Result<PathBuf> {
+    const ENDINGS: [&str; 5] = ["png", "jpg", "jpeg", "tif", "tiff"];
+    let path = |kind: &str, ending: &str| folder.join(format!("{kind}/{im_id:06}.{ending}"));
+    let places = kinds.iter().flat_map(|kind| ENDINGS.map(|ending| path(kind, ending)));
+    places.into_iter().find(|path| path.is_file()).ok_or_else(|| {
+        let stem = format!("{im_id:06}.");
+        let other = kinds.iter().find_map(|kind| {
+            let names = entries(&folder.join(kind)).ok()?;
+            names.into_iter().find(|name| name.starts_with(&stem)).map(|name| format!("{kind}/{name}"))
+        });
+        let also = kinds[1..].iter().map(|kind| format!(", nor one in {kind}/")).collect::<String>();
+        let message = match other {
+            Some(other) => format!("no such file; {other} is there, but only .{} are read", ENDINGS.join(", .")),
+            None => format!(
+                "no such file, nor a .{}{also}; unpack the set's images, or leave this image out",
+                ENDINGS[1..].join(", .")
+            ),
+        };
+        Error::invalid(path(kinds[0], ENDINGS[0]), message)
     })
 }
 

@@ -3,10 +3,10 @@
 //! `scene_id,im_id,obj_id,score,R,t,time`: `R` nine numbers row by row, `t` three in millimetres, both object to camera and
 //! separated by spaces; `time` the seconds spent on the whole image, -1 where unknown.
 
-use std::io::BufReader;
 use std::path::Path;
 
 use super::format::{isometry, matrix};
+use crate::files;
 use crate::pose::{Camera, Object, Pose};
 use crate::{Error, Result};
 
@@ -77,18 +77,15 @@ fn floats<const N: usize>(text: &str) -> Option<[f64; N]> {
 /// # Errors
 /// [`Error::Io`], or [`Error::Invalid`] with line, field and value.
 pub fn read_results(path: &Path) -> Result<Vec<Estimate>> {
-    let file = std::fs::File::open(path).map_err(|source| Error::io(path, source))?;
+    let text = files::read_to_string(path)?;
     let mut reader = csv::ReaderBuilder::new()
         .has_headers(false)
         .flexible(true)
         .comment(Some(b'#'))
-        .from_reader(BufReader::new(file));
+        .from_reader(text.as_bytes());
     let mut estimates = Vec::new();
     for (index, record) in reader.records().enumerate() {
-        let record = record.map_err(|error| match error.into_kind() {
-            csv::ErrorKind::Io(source) => Error::io(path, source),
-            other => Error::invalid(path, format!("{other:?}; a results file is UTF-8 text")),
-        })?;
+        let record = record.map_err(|error| Error::invalid(path, error.to_string()))?;
         if index == 0 && record.iter().map(str::trim).eq(HEADER.split(',')) {
             continue;
         }

@@ -292,7 +292,7 @@ fn broken_json_is_told_by_file_image_instance_field_and_value() {
         ),
         (camera, "\"cam_t_w2c\"", "\"cam_t\"", "image 3, cam_t_w2c is missing beside cam_R_w2c"),
         (camera, "\"3\"", "\"three\"", "three"),
-        (camera, "", "", "EOF"),
+        (camera, "", "", "is empty"),
         (camera, "", "[]", "invalid type: sequence, expected a map"),
         (gt, "\"cam_R_m2c\":[", "\"cam_R_m2c\":[2,", "image 3, ground truth 0, cam_R_m2c: [2.0, "),
         (

@@ -2,9 +2,8 @@
 //!
 //! Whatever the files hold, the result passes [`Mesh::validate`], or there is an error that names the file.
 
-use std::borrow::Cow;
 use std::io::BufReader;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::Arc;
 
 use image::RgbImage;
@@ -13,7 +12,9 @@ use ply_rs_bw::parser::Parser;
 use ply_rs_bw::ply::{DefaultElement, Property};
 
 use super::obj::{self, Obj};
+use crate::files;
 use crate::mesh::{Material, Mesh, Visual};
+use crate::pictures;
 use crate::{Error, Result};
 
 /// Facets of a file without normals are shaded smoothly up to this angle, radians.
@@ -27,10 +28,8 @@ const CREASE: f64 = 0.7;
 /// If the file, its material library or its texture is missing, cut off or wrong.
 pub fn load_obj(path: &Path) -> Result<Visual> {
     let invalid = |message: String| Error::invalid(path, message);
-    std::fs::metadata(path).map_err(|source| Error::io(path, source))?;
-    let read = |path: &Path| std::fs::read(path).map(Cow::Owned).map_err(|error| error.to_string());
     let Obj { models, materials, absent } =
-        obj::load(path, read).map_err(|error| invalid(format!("not a readable OBJ file: {error}")))?;
+        obj::load(path)?;
     // What an object looks like matters, unlike a robot's link.
     if let Some(library) = absent {
         return Err(invalid(format!("its material library {library} is missing; it belongs beside the OBJ")));
@@ -183,20 +182,20 @@ fn finish(path: &Path, mut mesh: Mesh, mut material: Material) -> Result<Visual>
 
 /// The texture that the mesh file at `mesh` names.
 fn load_texture(mesh: &Path, name: &str) -> Result<Arc<RgbImage>> {
-    let path: PathBuf = mesh.parent().unwrap_or(Path::new(".")).join(name.replace('\\', "/"));
-    let bytes = std::fs::read(&path).map_err(|source| Error::io(&path, source))?;
-    let image = image::load_from_memory(&bytes).map_err(|error| {
-        Error::invalid(
-            &path,
-            format!("{error}: not a whole PNG or JPEG; it is the texture of {}", mesh.display()),
-        )
-    })?;
-    Ok(Arc::new(image.to_rgb8()))
+    let path = files::named(mesh.parent().unwrap_or(Path::new(".")), name);
+    pictures::stored(&path).map(Arc::new).map_err(|error| match error {
+        Error::Invalid { path, message } => {
+            Error::invalid(path, format!("the texture of {} {message}", mesh.display()))
+        }
+        other => other,
+    })
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    use std::path::PathBuf;
 
     const PLY_HEAD: &str = "ply\nformat ascii 1.0\ncomment TextureFile t.png\nelement vertex 4\nproperty float x\n\
         property float y\nproperty float z\nproperty float texture_u\nproperty float texture_v\nelement face 1\n\

@@ -3,21 +3,18 @@
 //! `tobj` reads them, after what it does not bear is put right: text in an 8-bit encoding, colours of fewer than three numbers (on
 //! which it panics), options before a texture's name (which it takes for a part of it).
 
-use std::borrow::Cow;
 use std::cell::RefCell;
 use std::path::Path;
 
-use crate::files;
+use crate::files::{self, text::lenient};
+use crate::{Error, Result};
 
-/// Models and materials of an OBJ file, its faces cut into triangles. `read` gives the bytes of a file; of a material library that
-/// is not there the materials are missing, and `absent` holds its name.
+/// Models and materials of an OBJ file, its faces cut into triangles. Of a material library that is not there the materials are
+/// missing, and `absent` holds its name.
 ///
 /// # Errors
-/// What is wrong with the file or with a material library: its name, line and keyword.
-pub(crate) fn load(
-    path: &Path,
-    read: impl Fn(&Path) -> Result<Cow<'static, [u8]>, String>,
-) -> Result<Obj, String> {
+/// What is wrong with the file, or with a material library: its name, line and keyword.
+pub(crate) fn load(path: &Path) -> Result<Obj> {
     let folder = path.parent().unwrap_or(Path::new("."));
     let (wrong, absent) = (RefCell::new(None), RefCell::new(None));
     let library = |name: &Path| {
@@ -27,7 +24,8 @@ pub(crate) fn load(
             absent.replace(Some(shown));
             return Ok(Default::default());
         }
-        let mended = read(&path).and_then(|bytes| mended_library(&text(bytes)));
+        let bytes = files::read(&path).map_err(Error::without_file);
+        let mended = bytes.and_then(|bytes| mended_library(&lenient(bytes)));
         mended
             .and_then(|text| tobj::load_mtl_buf(&mut text.as_bytes()).map_err(|error| error.to_string()))
             .map_err(|reason| {
@@ -35,10 +33,12 @@ pub(crate) fn load(
                 tobj::LoadError::MaterialParseError
             })
     };
-    let object = text(read(path)?);
+    let object = lenient(files::read(path)?);
+    let unreadable = |reason: String| Error::invalid(path, format!("not a readable OBJ file: {reason}"));
     let (models, materials) = tobj::load_obj_buf(&mut object.as_bytes(), &tobj::GPU_LOAD_OPTIONS, library)
-        .map_err(|error| error.to_string())?;
-    let materials = materials.map_err(|error| wrong.take().unwrap_or_else(|| error.to_string()))?;
+        .map_err(|error| unreadable(error.to_string()))?;
+    let materials =
+        materials.map_err(|error| unreadable(wrong.take().unwrap_or_else(|| error.to_string())))?;
     Ok(Obj { models, materials, absent: absent.take() })
 }
 
@@ -50,14 +50,8 @@ pub(crate) struct Obj {
     pub absent: Option<String>,
 }
 
-/// Text that is UTF-8 or, where it cannot be, Latin-1, in which every byte is a letter: names and comments do not matter.
-fn text(bytes: Cow<'_, [u8]>) -> String {
-    String::from_utf8(bytes.into_owned())
-        .unwrap_or_else(|error| error.into_bytes().into_iter().map(char::from).collect())
-}
-
 /// A material library with what `tobj` does not bear put right.
-fn mended_library(text: &str) -> Result<String, String> {
+fn mended_library(text: &str) -> std::result::Result<String, String> {
     let mut mended = String::with_capacity(text.len());
     for (i, line) in text.lines().enumerate() {
         let words: Vec<&str> = line.split_whitespace().collect();
@@ -79,7 +73,7 @@ fn mended_library(text: &str) -> Result<String, String> {
 }
 
 /// Three numbers; green and blue may be left out, and are then as red.
-fn color(words: &[&str]) -> Result<String, String> {
+fn color(words: &[&str]) -> std::result::Result<String, String> {
     let number = |word: &&str| word.parse::<f32>().is_ok();
     match words {
         [r] if number(r) => Ok(format!("{r} {r} {r}")),
@@ -149,11 +143,5 @@ mod tests {
         for (text, wanted) in cases {
             assert_eq!(map_name(text), wanted, "{text}");
         }
-    }
-
-    #[test]
-    fn letters_of_any_encoding_do_no_harm() {
-        assert_eq!(text(b"# f\xfcr\n".as_slice().into()), "# f\u{fc}r\n");
-        assert_eq!(text("# für\n".as_bytes().into()), "# für\n");
     }
 }

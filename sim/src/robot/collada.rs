@@ -13,6 +13,7 @@ use nalgebra::{Matrix3, Matrix4, Point3, Rotation3, Unit, Vector3};
 use roxmltree::{Document, Node};
 
 use super::mesh_part::{Part, texture};
+use crate::files::text;
 use crate::mesh::{Material, Mesh};
 
 /// Deepest nesting of nodes; deeper files are taken for a cycle.
@@ -24,8 +25,8 @@ type Result<T> = std::result::Result<T, String>;
 
 /// Every drawn triangle mesh of a file, in metres.
 pub(super) fn load(bytes: &[u8], folder: Option<&Path>) -> Result<Vec<Part>> {
-    let text = std::str::from_utf8(bytes).map_err(|error| format!("is not UTF-8 text: {error}"))?;
-    let document = Document::parse(text).map_err(|error| format!("is not XML: {error}"))?;
+    let text = text::xml(bytes.into())?;
+    let document = Document::parse(&text).map_err(|error| format!("is not XML: {error}"))?;
     let root = document.root_element();
     if root.tag_name().name() != "COLLADA" {
         return Err(format!("is <{}>, not <COLLADA>", root.tag_name().name()));

@@ -11,10 +11,10 @@ use super::kinematics::{Drive, Motion, Step};
 use super::resolve::{ROS_PACKAGE_PATH, Resolver};
 use super::{
     Joint, JointKind, JointLimits, Link, LinkVisual, LoadSummary, ParentJoint, RobotModel, hull, list,
-    mesh_files, primitives,
+    mesh_files, primitives, urdf,
 };
 use crate::error::{Error, Result};
-use crate::files;
+use crate::files::{self, text};
 use crate::mesh::{Material, Mesh, Visual};
 use crate::shape::{CollisionShape, Convex};
 
@@ -22,7 +22,7 @@ use crate::shape::{CollisionShape, Convex};
 const FARTHEST: f64 = 1e3;
 
 pub(super) fn load(urdf: &Path, package_paths: &[PathBuf]) -> Result<RobotModel> {
-    let text = files::read_to_string(urdf)?;
+    let text = text::xml(files::read(urdf)?).map_err(|message| Error::invalid(urdf, message))?;
     let is_xacro = urdf.extension().is_some_and(|ending| ending == "xacro");
     if is_xacro || text.contains("<xacro:") {
         return Err(Error::invalid(
@@ -30,9 +30,7 @@ pub(super) fn load(urdf: &Path, package_paths: &[PathBuf]) -> Result<RobotModel>
             "is a xacro file, which is a template of a URDF; expand it first: xacro FILE.urdf.xacro > FILE.urdf",
         ));
     }
-    let description = urdf_rs::read_from_string(&text).map_err(|error| {
-        Error::invalid(urdf, format!("is not a whole URDF: {error}; check that the file was not cut off"))
-    })?;
+    let description = urdf::parse(&text).map_err(|message| Error::invalid(urdf, message))?;
     let tree = Tree::of(&description).map_err(|message| Error::invalid(urdf, message))?;
     let mut loader = Loader {
         urdf,
@@ -247,9 +245,10 @@ fn by_name<'a>(
 
 fn limits(limit: &urdf_rs::JointLimit, kind: JointKind) -> std::result::Result<JointLimits, String> {
     let [lower, upper, velocity, effort] = [limit.lower, limit.upper, limit.velocity, limit.effort];
-    if ![lower, upper, velocity, effort].iter().all(|v| v.is_finite()) || velocity < 0.0 || effort < 0.0 {
+    let positive = |v: f64| v >= 0.0;
+    if !(lower.is_finite() && upper.is_finite() && positive(velocity) && positive(effort)) {
         return Err(format!(
-            "limit lower {lower}, upper {upper}, velocity {velocity}, effort {effort}: must be finite, the last two not negative"
+            "limit lower {lower}, upper {upper}, velocity {velocity}, effort {effort}: the first two must be finite, the last two not negative"
         ));
     }
     if kind == JointKind::Continuous {
@@ -257,9 +256,6 @@ fn limits(limit: &urdf_rs::JointLimit, kind: JointKind) -> std::result::Result<J
     }
     if lower > upper {
         return Err(format!("limit lower {lower} is above upper {upper}"));
-    }
-    if [lower, upper, velocity, effort] == [0.0; 4] {
-        return Err("has no <limit>, which a revolute or prismatic joint needs".into());
     }
     Ok(JointLimits { lower, upper, velocity, effort })
 }

@@ -6,8 +6,9 @@ use std::path::Path;
 
 use nalgebra::{Point3, Vector3};
 
-use super::collada;
 use super::mesh_part::{Part, read, texture};
+use super::{collada, stl};
+use crate::error::Error;
 use crate::mesh::{Material, Mesh};
 use crate::objects::obj::{self, Obj};
 
@@ -15,7 +16,7 @@ use crate::objects::obj::{self, Obj};
 pub(super) fn load(path: &Path, scale: &Vector3<f64>) -> Result<Vec<Part>, String> {
     let ending = path.extension().and_then(|ending| ending.to_str()).unwrap_or("").to_ascii_lowercase();
     let mut parts = match ending.as_str() {
-        "stl" => stl(&read(path)?)?,
+        "stl" => vec![Part { mesh: stl::load(&read(path)?)?, material: None }],
         "dae" => collada::load(&read(path)?, path.parent())?,
         "obj" => wavefront(path)?,
         _ => {
@@ -97,39 +98,8 @@ fn facet_normals(mesh: &mut Mesh) {
     }
 }
 
-fn stl(bytes: &[u8]) -> Result<Vec<Part>, String> {
-    const HEADER: usize = 84;
-    const TRIANGLE: usize = 50;
-    let starts_as_text = bytes.trim_ascii_start().starts_with(b"solid");
-    // mesh-loader counts a binary file's triangles by its length; a file that was cut off would pass for a smaller one.
-    if let (false, Some(&[a, b, c, d])) = (starts_as_text, bytes.get(80..HEADER)) {
-        let expected = u32::from_le_bytes([a, b, c, d]) as usize;
-        let found = (bytes.len() - HEADER) / TRIANGLE;
-        if found < expected {
-            return Err(format!("binary STL is cut off: {found} of {expected} triangles"));
-        }
-    }
-    let scene = mesh_loader::stl::from_slice(bytes).map_err(|error| error.to_string())?;
-    Ok(scene
-        .meshes
-        .into_iter()
-        .map(|mesh| Part {
-            mesh: Mesh {
-                positions: mesh.vertices.into_iter().map(Point3::from).collect(),
-                // Exporters leave them zero or wrong: they are computed from the facets.
-                normals: Vec::new(),
-                uvs: Vec::new(),
-                colors: Vec::new(),
-                finish: Vec::new(),
-                triangles: mesh.faces,
-            },
-            material: None,
-        })
-        .collect())
-}
-
 fn wavefront(path: &Path) -> Result<Vec<Part>, String> {
-    let Obj { models, materials, absent } = obj::load(path, read)?;
+    let Obj { models, materials, absent } = obj::load(path).map_err(Error::without_file)?;
     if let Some(library) = absent {
         log::warn!(
             "{}: its material library {library} is not there; its materials are left out",

@@ -9,6 +9,7 @@ use image::RgbImage;
 use crate::error::Error;
 use crate::files;
 use crate::mesh::{Material, Mesh};
+use crate::pictures;
 
 /// One mesh of a file, with the material that the file gives it.
 #[derive(Debug)]
@@ -20,18 +21,11 @@ pub(super) struct Part {
 
 /// The bytes of a file; the caller names it in the error.
 pub(super) fn read(path: &Path) -> Result<Cow<'static, [u8]>, String> {
-    files::read(path).map_err(|error| match error {
-        Error::Io { source, .. } => source.to_string(),
-        other => other.to_string(),
-    })
+    files::read(path).map_err(Error::without_file)
 }
 
-/// A texture beside the mesh file.
+/// A texture beside the mesh file; `name` is a path or a URI.
 pub(super) fn texture(name: &str, folder: Option<&Path>) -> Result<Arc<RgbImage>, String> {
-    let name = name.strip_prefix("file://").unwrap_or(name).replace('\\', "/");
-    let path = folder.unwrap_or(Path::new(".")).join(&name);
-    let about = |error: String| format!("texture {}: {error}; PNG and JPEG are supported", path.display());
-    let bytes = read(&path).map_err(about)?;
-    let image = image::load_from_memory(&bytes).map_err(|error| about(error.to_string()))?;
-    Ok(Arc::new(image.to_rgb8()))
+    let path = files::named(folder.unwrap_or(Path::new(".")), name);
+    pictures::stored(&path).map(Arc::new).map_err(|error| format!("texture {error}"))
 }

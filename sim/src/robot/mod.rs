@@ -40,6 +40,8 @@ mod mesh_files;
 mod mesh_part;
 mod primitives;
 mod resolve;
+mod stl;
+mod urdf;
 #[cfg(test)]
 mod tests;
 
@@ -148,9 +150,9 @@ pub struct JointLimits {
     pub lower: f64,
     /// Highest position, radians or metres; infinity for a continuous joint.
     pub upper: f64,
-    /// Highest speed, rad/s or m/s.
+    /// Highest speed, rad/s or m/s; infinity where the URDF has none.
     pub velocity: f64,
-    /// Highest effort, N m or N.
+    /// Highest effort, N m or N; infinity where the URDF has none.
     pub effort: f64,
 }
 

@@ -3,6 +3,8 @@
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 
+use crate::files;
+
 /// Environment variable searched when no package paths are given, as ROS does.
 pub(super) const ROS_PACKAGE_PATH: &str = "ROS_PACKAGE_PATH";
 
@@ -37,23 +39,19 @@ impl Resolver {
                 return Err(format!("'{name}' names no file; expected package://PACKAGE/PATH"));
             };
             return match self.package(package) {
-                Some(folder) => Ok(folder.join(inside)),
+                Some(folder) => Ok(files::named(&folder, inside)),
                 None => Err(format!(
                     "'{name}': package '{package}' not found; searched {}; give the folder of the package, or the one that contains it, as a package path or in {ROS_PACKAGE_PATH}",
                     self.searched()
                 )),
             };
         }
-        if let Some(path) = name.strip_prefix("file://") {
-            // file://localhost/path is the same as file:///path.
-            return Ok(PathBuf::from(path.strip_prefix("localhost").unwrap_or(path)));
-        }
-        if let Some((scheme, _)) = name.split_once("://") {
+        if let Some((scheme, _)) = name.split_once("://").filter(|(scheme, _)| *scheme != "file") {
             return Err(format!(
                 "'{name}': scheme '{scheme}' is not supported; use package://, file:// or a path relative to the URDF"
             ));
         }
-        Ok(self.urdf_folder.join(name))
+        Ok(files::named(&self.urdf_folder, name))
     }
 
     fn package(&self, package: &str) -> Option<PathBuf> {

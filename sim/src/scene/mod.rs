@@ -74,8 +74,10 @@ pub struct Scene {
 #[serde(deny_unknown_fields)]
 pub struct RobotPlacement {
     /// URDF file, relative to the scene file.
+    #[serde(serialize_with = "files::shown")]
     pub urdf: PathBuf,
     /// Robot settings (groups, poses, limits), relative to the scene file.
+    #[serde(serialize_with = "files::shown")]
     pub config: PathBuf,
     /// Base position on the floor, metres.
     pub base: [f64; 2],

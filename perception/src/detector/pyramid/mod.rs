@@ -11,6 +11,7 @@
 
 mod description;
 mod heatmaps;
+mod external;
 mod runtime;
 mod settings;
 #[cfg(test)]
@@ -23,6 +24,7 @@ use std::sync::Arc;
 use fast_image_resize::images::{TypedImage, TypedImageRef};
 use fast_image_resize::pixels::U8x3;
 use fast_image_resize::{FilterType, ResizeAlg, ResizeOptions, Resizer};
+use grip_sim::files;
 use grip_sim::frame::CameraFrame;
 use grip_sim::images::RgbImage;
 use grip_sim::objects::ObjectModel;
@@ -105,12 +107,13 @@ impl PyramidCnn {
     /// When a file is missing or broken, or inputs and outputs are not as above and as the description says.
     pub fn open(path: &Path, providers: &Providers) -> Result<Self> {
         let shown = path.display().to_string();
-        let model = std::fs::read(path).map_err(|e| Error::Detector(format!("{shown}: {e}")))?;
+        let bytes = files::read(path).map_err(|e| Error::Detector(e.to_string()))?;
+        let folder = path.parent().unwrap_or(Path::new("."));
+        let model = external::inlined(&bytes, folder).map_err(|e| Error::Detector(format!("{shown}: {e}")))?;
         let beside = path.with_extension("json");
-        let text = std::fs::read_to_string(&beside).map_err(|e| {
+        let text = files::read_to_string(&beside).map_err(|e| {
             Error::Detector(format!(
-                "{}: {e}; a detector needs its description beside it, as perception/models/pyramid-varied.json is",
-                beside.display()
+                "{e}; a detector needs its description beside it, as perception/models/pyramid-varied.json is"
             ))
         })?;
         let description = DetectorDescription::parse(&text, &beside.display().to_string())?;

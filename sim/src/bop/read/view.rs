@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use super::{Dataset, SceneFiles, intrinsics, rgb_path, same_size, span};
+use super::{Dataset, SceneFiles, intrinsics, picture_path, rgb_path, same_size, span};
 use crate::bop::format::{self, CameraEntry, CameraFile};
 use crate::bop::pictures;
 use crate::camera::Intrinsics;
@@ -27,15 +27,16 @@ impl Dataset {
         let scene = self.scene(scene_id)?;
         let folder = self.scene_folder(scene_id);
         let camera = camera(&folder, &scene, im_id)?;
-        let depth_path = depth_path(&folder, im_id);
-        let depth = if depth_path.is_file() { Some(read_depth(&folder, im_id, camera)?) } else { None };
+        let depth_path = depth_path(&folder, im_id).ok();
+        let depth =
+            depth_path.as_ref().map(|path| read_depth(path, &folder, im_id, camera)).transpose()?;
         let mut size = depth.as_ref().map(|depth| [depth.width(), depth.height()]);
         if let Ok(rgb_path) = rgb_path(&folder, im_id) {
             // Its header tells.
-            let (width, height) = image::image_dimensions(&rgb_path)
-                .map_err(|error| Error::invalid(&rgb_path, format!("not a picture: {error}")))?;
-            let of_rgb = [width as usize, height as usize];
-            same_size(&depth_path, size.unwrap_or(of_rgb), &rgb_path, of_rgb)?;
+            let of_rgb = crate::pictures::size(&rgb_path)?;
+            if let (Some(depth_path), Some(size)) = (&depth_path, size) {
+                same_size(depth_path, size, &rgb_path, of_rgb)?;
+            }
             size = Some(of_rgb);
         }
         let file = self.root().join("camera.json");
@@ -61,14 +62,14 @@ pub(super) fn in_camera_file(folder: &Path, im_id: u32, message: &str) -> Error 
     Error::invalid(folder.join("scene_camera.json"), format!("image {im_id}, {message}"))
 }
 
-pub(super) fn depth_path(folder: &Path, im_id: u32) -> PathBuf {
-    folder.join(format!("depth/{im_id:06}.png"))
+pub(super) fn depth_path(folder: &Path, im_id: u32) -> Result<PathBuf> {
+    picture_path(folder, &["depth"], im_id)
 }
 
-pub(super) fn read_depth(folder: &Path, im_id: u32, camera: &CameraEntry) -> Result<DepthImage> {
+pub(super) fn read_depth(path: &Path, folder: &Path, im_id: u32, camera: &CameraEntry) -> Result<DepthImage> {
     if camera.depth_scale <= 0.0 {
         let message = format!("depth_scale = {}: must be positive", camera.depth_scale);
         return Err(in_camera_file(folder, im_id, &message));
     }
-    pictures::read_depth(&depth_path(folder, im_id), camera.depth_scale)
+    pictures::read_depth(path, camera.depth_scale)
 }
