@@ -1,9 +1,10 @@
 //! `grip`: grocery packing in simulation, end to end, without a screen.
 //!
-//! Exit codes: 0 done, 1 the trial did not pack everything or touched what it must not, 2 could not run.
+//! Exit codes: 0 done, 1 the trial did not pack everything or touched what it must not, 2 could not run, 130 interrupted.
 
 mod cli;
 mod commands;
+mod interrupt;
 
 use std::process::ExitCode;
 
@@ -27,10 +28,15 @@ fn main() -> ExitCode {
         _ => "debug",
     };
     env_logger::Builder::new().parse_filters(level).format_timestamp(None).format_target(false).init();
+    interrupt::install(&cli.command);
+    let kept = interrupt::kept(&cli.command);
     match commands::run(cli) {
         Ok(done) => done.exit_code(),
         Err(error) => {
             commands::output::message(format_args!("error: {error:#}"));
+            if let Some(kept) = kept.filter(|_| interrupt::disk_was_full(&error)) {
+                commands::output::message(format_args!("{kept}"));
+            }
             ExitCode::from(2)
         }
     }

@@ -7,6 +7,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
+use grip_sim::unfinished::Unfinished;
 
 /// Files by which a folder is known as one of ours, which may be replaced, and how the schema in them begins. The names
 /// alone would not do: a BOP data set has a camera.json too.
@@ -18,9 +19,8 @@ const FILES: &str = ".grip-files";
 /// A run folder under construction; removed when dropped before [`RunDir::finish`].
 #[derive(Debug)]
 pub struct RunDir {
-    building: PathBuf,
+    building: Unfinished,
     target: PathBuf,
-    finished: bool,
 }
 
 impl RunDir {
@@ -39,16 +39,12 @@ impl RunDir {
             Some(parent) if !parent.as_os_str().is_empty() => parent,
             _ => Path::new("."),
         };
-        let name = target
-            .file_name()
-            .with_context(|| format!("{}: not a folder name; choose another --out", target.display()))?;
         fs::create_dir_all(parent).with_context(|| cannot_write(parent))?;
-        let building = parent.join(format!(".{}.{}.tmp", name.to_string_lossy(), std::process::id()));
-        if building.exists() {
-            fs::remove_dir_all(&building).with_context(|| cannot_write(&building))?;
-        }
-        fs::create_dir(&building).with_context(|| cannot_write(parent))?;
-        Ok(Self { building, target: target.to_path_buf(), finished: false })
+        let building = Unfinished::beside(target).with_context(|| {
+            format!("{}: not a folder that can be written; choose another --out", target.display())
+        })?;
+        fs::create_dir(building.path()).with_context(|| cannot_write(parent))?;
+        Ok(Self { building, target: target.to_path_buf() })
     }
 
     /// Writes a file of the run; `name` may have folders.
@@ -56,7 +52,7 @@ impl RunDir {
     /// # Errors
     /// When it cannot be written, such as on a full disk.
     pub fn write(&self, name: &str, content: impl AsRef<[u8]>) -> Result<()> {
-        let path = self.building.join(name);
+        let path = self.building.path().join(name);
         if let Some(folder) = path.parent() {
             fs::create_dir_all(folder).with_context(|| cannot_write(folder))?;
         }
@@ -68,7 +64,7 @@ impl RunDir {
     /// # Errors
     /// When it cannot be made.
     pub fn folder(&self, name: &str) -> Result<PathBuf> {
-        let path = self.building.join(name);
+        let path = self.building.path().join(name);
         fs::create_dir_all(&path).with_context(|| cannot_write(&path))?;
         Ok(path)
     }
@@ -77,29 +73,16 @@ impl RunDir {
     ///
     /// # Errors
     /// When it cannot be renamed.
-    pub fn finish(mut self) -> Result<PathBuf> {
-        let ours = files_below(&self.building).with_context(|| cannot_write(&self.building))?;
+    pub fn finish(self) -> Result<PathBuf> {
+        let ours = files_below(self.building.path()).with_context(|| cannot_write(self.building.path()))?;
         self.write(FILES, ours.iter().map(|file| format!("{}\n", file.display())).collect::<String>())?;
         if self.target.exists() {
             self.keep_what_others_added(&ours)?;
         }
-        // The earlier run moves aside first and is deleted last, so that at every moment a whole run is on disk.
-        let aside = self.building.with_extension("old.tmp");
-        if self.target.exists() {
-            fs::rename(&self.target, &aside).with_context(|| cannot_write(&self.target))?;
-        }
-        if let Err(error) = fs::rename(&self.building, &self.target) {
-            if aside.exists() {
-                fs::rename(&aside, &self.target)
-                    .with_context(|| format!("the earlier run is now in {}", aside.display()))?;
-            }
-            return Err(error).with_context(|| cannot_write(&self.target));
-        }
-        self.finished = true;
-        if aside.exists() {
-            fs::remove_dir_all(&aside).with_context(|| cannot_write(&aside))?;
-        }
-        Ok(self.target.clone())
+        // At every moment a whole run is on disk.
+        let Self { building, target } = self;
+        building.move_to(&target).with_context(|| cannot_write(&target))?;
+        Ok(target)
     }
 
     /// Copies from the earlier run what it did not write itself and this one does not have. Of a run that does not tell what
@@ -110,9 +93,9 @@ impl RunDir {
         let there =
             files_below(&self.target).with_context(|| format!("{}: cannot read", self.target.display()))?;
         for file in there.iter().filter(|file| !written.contains(&file.as_path()) && !ours.contains(file)) {
-            let to = self.building.join(file);
+            let to = self.building.path().join(file);
             let copy = || {
-                fs::create_dir_all(to.parent().unwrap_or(&self.building))?;
+                fs::create_dir_all(to.parent().unwrap_or(self.building.path()))?;
                 fs::copy(self.target.join(file), &to)
             };
             copy().with_context(|| cannot_write(&self.target.join(file)))?;
@@ -139,14 +122,6 @@ fn files_below(folder: &Path) -> std::io::Result<Vec<PathBuf>> {
     collect(folder, Path::new(""), &mut files)?;
     files.sort();
     Ok(files)
-}
-
-impl Drop for RunDir {
-    fn drop(&mut self) {
-        if !self.finished {
-            let _ = fs::remove_dir_all(&self.building);
-        }
-    }
 }
 
 /// An empty folder, or one of ours.

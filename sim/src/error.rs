@@ -10,7 +10,7 @@ pub type Result<T> = std::result::Result<T, Error>;
 #[non_exhaustive]
 pub enum Error {
     /// A file or folder could not be opened, read or written.
-    #[error("{}: {reason}; check that the path exists and may be accessed", path.display())]
+    #[error("{}: {reason}; {}", path.display(), advice(reason))]
     Io {
         /// The file or folder.
         path: PathBuf,
@@ -49,6 +49,19 @@ pub enum Error {
         /// What failed and what to try.
         message: String,
     },
+}
+
+/// What to try.
+fn advice(reason: &std::io::Error) -> &'static str {
+    use std::io::ErrorKind as Kind;
+    match reason.kind() {
+        Kind::NotFound => "check that the path exists",
+        Kind::PermissionDenied | Kind::ReadOnlyFilesystem => "check permissions, or choose another place",
+        Kind::StorageFull | Kind::QuotaExceeded | Kind::FileTooLarge => "free some space, or choose another place",
+        Kind::IsADirectory => "give a file",
+        Kind::NotADirectory => "a file is where a folder should be",
+        _ => "check that the path exists and may be accessed",
+    }
 }
 
 impl Error {

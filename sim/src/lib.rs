@@ -41,5 +41,6 @@ pub mod robot;
 pub mod scene;
 pub mod sensor;
 pub mod shape;
+pub mod unfinished;
 
 pub use error::{Error, Result};

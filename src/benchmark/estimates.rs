@@ -370,10 +370,12 @@ pub(super) fn targets(dataset: &Dataset) -> Result<Vec<Target>> {
 }
 
 fn partial_path(out: &Path) -> Result<PathBuf> {
-    let name = out.file_name().and_then(|name| name.to_str()).with_context(|| {
+    let name = out.file_name().with_context(|| {
         format!("--out {}: is not a file name; give a place such as results.csv", out.display())
     })?;
-    Ok(out.with_file_name(format!("{name}.partial")))
+    let mut name = name.to_owned();
+    name.push(".partial");
+    Ok(out.with_file_name(name))
 }
 
 fn cannot_write(path: &Path) -> String {

@@ -127,8 +127,8 @@ pub struct SweepArgs {
     /// Which grasp is tried.
     #[arg(long, value_enum, default_value_t = Strategy::Planned)]
     pub grasp: Strategy,
-    /// Coulomb friction of the objects in place of their own: against the table, and against the pads, whose own of 0.9 counts
-    /// half. The force that is taken by default follows it.
+    /// Coulomb friction between pads and objects: both get this coefficient in place of their own, the objects against the
+    /// table, too. The force that is taken by default follows it.
     #[arg(long, value_name = "MU")]
     pub friction: Option<f64>,
     /// Force of each finger, newtons, in place of what weight and friction need.

@@ -1,12 +1,15 @@
 //! The only places that write to the terminal: data to stdout, everything else to stderr.
 
-use std::fmt::Arguments;
-use std::io::{self, Write};
+use std::fmt::{self, Arguments};
+use std::io::{self, IsTerminal, Write};
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::mpsc::{self, Sender};
+use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
 use comfy_table::{CellAlignment, Table, presets::NOTHING};
 use grip::progress::Progress;
-use indicatif::{ProgressBar, ProgressStyle};
+use indicatif::{HumanDuration, ProgressBar, ProgressState, ProgressStyle};
 use serde::Serialize;
 
 /// A line of data on stdout.
@@ -33,53 +36,108 @@ pub fn message(line: Arguments<'_>) {
     let _ = writeln!(io::stderr().lock(), "{line}");
 }
 
-/// Progress on a terminal; silent in pipes and logs.
-pub struct Bar(ProgressBar);
+/// Progress: a bar on a terminal, elsewhere a line now and then.
+pub struct Bar {
+    bar: ProgressBar,
+    unit: String,
+    /// Pieces that were done before this run.
+    kept: Arc<AtomicU64>,
+    /// Ends the lines when it is dropped.
+    lines: Mutex<Option<Sender<()>>>,
+}
+
+/// Between two lines where there is no terminal.
+const LINE_EVERY: Duration = Duration::from_secs(10);
 
 impl Bar {
     /// Over many pieces of work: time, share, what is left, and a message.
     pub fn new(unit: &str) -> Self {
-        let template =
-            format!("{{elapsed_precise}} {{wide_bar}} {{pos}}/{{len}} {unit}, {{eta}} left {{msg}}");
-        Self::with(ProgressBar::new(0), &template, 500)
+        let template = format!("{{elapsed_precise}} {{wide_bar}} {{pos}}/{{len}} {unit}{{left}} {{msg}}");
+        Self::with(ProgressBar::new(0), &template, unit, 500)
     }
 
     /// Over work of unknown length.
     pub fn spinner() -> Self {
-        Self::with(ProgressBar::new_spinner(), "{spinner} {elapsed} {msg}", 120)
+        Self::with(ProgressBar::new_spinner(), "{spinner} {elapsed} {msg}", "", 120)
     }
 
-    fn with(bar: ProgressBar, template: &str, tick_ms: u64) -> Self {
+    fn with(bar: ProgressBar, template: &str, unit: &str, tick_ms: u64) -> Self {
+        let kept = Arc::new(AtomicU64::new(0));
         if let Ok(style) = ProgressStyle::with_template(template) {
-            bar.set_style(style);
+            let kept = Arc::clone(&kept);
+            bar.set_style(style.with_key("left", move |state: &ProgressState, f: &mut dyn fmt::Write| {
+                let done = state.pos().saturating_sub(kept.load(Ordering::Relaxed));
+                let _ = f.write_str(&left(state.elapsed(), done, state.len().unwrap_or(0).saturating_sub(state.pos())));
+            }));
         }
-        bar.enable_steady_tick(Duration::from_millis(tick_ms));
-        Self(bar)
+        let this = Self { bar, unit: unit.to_owned(), kept, lines: Mutex::default() };
+        if io::stderr().is_terminal() {
+            this.bar.enable_steady_tick(Duration::from_millis(tick_ms));
+        } else {
+            this.speak();
+        }
+        this
+    }
+
+    /// Starts the lines.
+    fn speak(&self) {
+        let (sender, ended) = mpsc::channel();
+        let (bar, unit, kept) = (self.bar.clone(), self.unit.clone(), Arc::clone(&self.kept));
+        // Where no thread can be started there are no lines.
+        let started = std::thread::Builder::new().spawn(move || {
+            while ended.recv_timeout(LINE_EVERY) == Err(mpsc::RecvTimeoutError::Timeout) {
+                let (done, all) = (bar.position(), bar.length().unwrap_or(0));
+                let kept = kept.load(Ordering::Relaxed);
+                let took = bar.elapsed();
+                let pieces = if unit.is_empty() {
+                    String::new()
+                } else {
+                    let left = left(took, done.saturating_sub(kept), all.saturating_sub(done));
+                    format!(", {done} of {all} {unit}{left}")
+                };
+                let text = bar.message();
+                let text = if text.is_empty() { String::new() } else { format!(", {text}") };
+                message(format_args!("{}{pieces}{text}", HumanDuration(took)));
+            }
+        });
+        if started.is_ok() {
+            self.lines.lock().unwrap_or_else(PoisonError::into_inner).replace(sender);
+        }
     }
 
     /// Takes it away.
     pub fn finish(&self) {
-        self.0.finish_and_clear();
+        self.lines.lock().unwrap_or_else(PoisonError::into_inner).take();
+        self.bar.finish_and_clear();
     }
+}
+
+/// `, 5 minutes left`, by the pieces that took so long so far; nothing before the first.
+fn left(took: Duration, done: u64, rest: u64) -> String {
+    if done == 0 || rest == 0 {
+        return String::new();
+    }
+    format!(", {} left", HumanDuration(took.mul_f64(rest as f64 / done as f64)))
 }
 
 impl Progress for Bar {
     fn begin(&self, pieces: u64, done: u64) {
-        self.0.set_length(pieces);
-        self.0.set_position(done);
-        self.0.reset_eta();
+        self.kept.store(done, Ordering::Relaxed);
+        self.bar.set_length(pieces);
+        self.bar.set_position(done);
+        self.bar.reset_elapsed();
     }
 
     fn advance(&self, pieces: u64) {
-        self.0.inc(pieces);
+        self.bar.inc(pieces);
     }
 
     fn message(&self, text: &str) {
-        self.0.set_message(text.to_owned());
+        self.bar.set_message(text.to_owned());
     }
 
     fn warn(&self, text: &str) {
-        self.0.suspend(|| log::warn!("{text}"));
+        self.bar.suspend(|| log::warn!("{text}"));
     }
 }
 

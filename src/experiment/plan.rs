@@ -337,7 +337,7 @@ pub fn begin(out: &Path, name: &str, schema: &str, manifest: &Value, resume: boo
     if path.exists() {
         ensure!(
             resume,
-            "{}: has results already; go on with them by --resume, or choose another --out",
+            "{}: was begun before; --resume goes on with what is there, or choose another --out",
             out.display()
         );
         let before = read_schema(&path, schema)?;

@@ -27,15 +27,14 @@ pub struct HeadCamera {
 }
 
 impl HeadCamera {
-    /// In a run with `seed`, on which the looks of the room depend.
+    /// In a run with `seed`, on which the looks of the room depend; `intrinsics` are those of the robot that the scene names.
     ///
     /// # Errors
     /// When the scene names no known noise.
-    pub fn new(scene: &Scene, settings: &SensorSettings, seed: u64) -> grip_sim::Result<Self> {
+    pub fn new(scene: &Scene, intrinsics: Intrinsics, settings: &SensorSettings, seed: u64) -> grip_sim::Result<Self> {
         let sensors = settings.sensors(&scene.camera.depth_noise)?;
         let furniture = render::furniture(&scene.fixtures(), scene.surroundings, seed);
         let bounce = Bounce::of(&scene.table, furniture.table_albedo);
-        let intrinsics = scene.camera.intrinsics.intrinsics();
         let calibration_error = calibration_error(scene, seed);
         Ok(Self { intrinsics, sensors, calibration_error, furniture, bounce, seed })
     }

@@ -109,7 +109,11 @@ impl Setup {
             .par_iter()
             .map(|name| library.load(name).with_context(|| format!("{}: objects.names", path.display())))
             .collect::<Result<Vec<_>>>()?;
-        let camera = HeadCamera::new(&cell.scene, &settings.sensor, *seed)
+        let intrinsics = cell
+            .config
+            .intrinsics(&cell.robot, cell.scene.camera.intrinsics.as_deref())
+            .with_context(|| format!("{}: camera.intrinsics", path.display()))?;
+        let camera = HeadCamera::new(&cell.scene, intrinsics, &settings.sensor, *seed)
             .with_context(|| format!("{}: camera.depth_noise", path.display()))?;
         Ok(Self {
             cell,

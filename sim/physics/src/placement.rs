@@ -61,6 +61,11 @@ pub fn drop_objects(
     mut fresh: impl FnMut() -> Result<World>,
 ) -> Result<(World, Dropped)> {
     settings.validate().map_err(|message| Error::World(format!("placement settings: {message}")))?;
+    let places = scene.objects.fixed(models.iter().map(|model| model.info.name.as_str()));
+    // Where nothing is left to chance, each attempt is the same.
+    let given = !places.is_empty() && places.iter().all(Option::is_some);
+    let once = PlacementSettings { attempts: 1, draws: 1, ..settings.clone() };
+    let settings = if given { &once } else { settings };
     let layout = Layout { scene, models, settings, accept };
     let PlacementSettings { attempts, settle_s: limit_s, .. } = *settings;
     let mut rejected = Vec::new();
@@ -111,6 +116,12 @@ pub fn drop_objects(
             }
             Err(reason) => rejected.push(reason),
         }
+    }
+    if given {
+        let reason = rejected.pop().unwrap_or_default();
+        return Err(Error::NoLayout(format!(
+            "the objects cannot be where objects.placed puts them: {reason}; give other poses"
+        )));
     }
     Err(Error::NoLayout(format!(
         "no layout of {} objects in {attempts} attempts ({}); enlarge objects.size, lower objects.gap, or use fewer objects",

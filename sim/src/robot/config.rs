@@ -213,14 +213,15 @@ impl RobotConfig {
         Ok(q)
     }
 
-    /// Intrinsics by name.
+    /// Intrinsics by name; without one, the default.
     ///
     /// # Errors
     /// When there are none of that name; the message lists those there are.
-    pub fn intrinsics(&self, robot: &RobotModel, name: &str) -> Result<Intrinsics> {
+    pub fn intrinsics(&self, robot: &RobotModel, name: Option<&str>) -> Result<Intrinsics> {
+        let name = name.unwrap_or(&self.camera.default_intrinsics);
         self.camera.intrinsics.get(name).copied().ok_or_else(|| {
             robot.error(format!(
-                "no camera intrinsics '{name}'; there are {}",
+                "no [camera.intrinsics.{name}] in its settings; there are {}",
                 list(self.camera.intrinsics.keys().map(String::as_str))
             ))
         })

@@ -7,7 +7,6 @@ use rand::{Rng, RngExt};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::camera::Intrinsics;
 use crate::pose::{Camera, Pose, World};
 use crate::range::Range;
 
@@ -15,8 +14,9 @@ use crate::range::Range;
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct CameraSetup {
-    /// A preset: `fetch` or `grip-paper`.
-    pub intrinsics: IntrinsicsPreset,
+    /// Which of the robot's `[camera.intrinsics.NAME]`, such as `fetch` or `grip-paper`; left out, its default.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub intrinsics: Option<String>,
     /// Depth noise preset, such as `carmine-109` or `none`.
     pub depth_noise: String,
     /// How far off the robot believes the camera to be, in trials.
@@ -137,26 +137,6 @@ impl Sphere {
         // The optical frame: z towards the target, y down.
         let rotation = UnitQuaternion::face_towards(&-away, &-Vector3::z());
         Pose::new(Isometry3::from_parts((target + away * distance).coords.into(), rotation))
-    }
-}
-
-/// Named intrinsics.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "kebab-case")]
-pub enum IntrinsicsPreset {
-    /// [`Intrinsics::FETCH`].
-    Fetch,
-    /// [`Intrinsics::GRIP_PAPER`].
-    GripPaper,
-}
-
-impl IntrinsicsPreset {
-    /// The numbers.
-    pub fn intrinsics(self) -> Intrinsics {
-        match self {
-            Self::Fetch => Intrinsics::FETCH,
-            Self::GripPaper => Intrinsics::GRIP_PAPER,
-        }
     }
 }
 

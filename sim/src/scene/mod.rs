@@ -33,7 +33,7 @@ mod table;
 
 pub use bin::Bin;
 pub use block::Block;
-pub use camera::{CameraSetup, IntrinsicsPreset, Sphere};
+pub use camera::{CameraSetup, Sphere};
 pub use fixture::{BinKind, Fixture, FixtureKind};
 pub use objects::{Count, ObjectPlacement, PlacedObject};
 pub use surroundings::Surroundings;

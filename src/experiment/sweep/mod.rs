@@ -11,7 +11,7 @@ pub mod layout;
 
 use std::collections::BTreeSet;
 use std::path::Path;
-use std::sync::Mutex;
+use std::sync::{Arc, Mutex};
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
 use anyhow::{Context, Result, anyhow, bail, ensure};
@@ -107,7 +107,7 @@ pub struct SweepOptions {
     pub seeds: u32,
     /// Which grasp is tried.
     pub strategy: Strategy,
-    /// Coulomb friction of all objects in place of their own, above 0 and at most 2.
+    /// Coulomb friction between pads and objects, above 0 and at most 2: of both in place of their own.
     pub friction: Option<f64>,
     /// Force of each finger, newtons, in place of what the planner takes.
     pub force_n: Option<f64>,
@@ -189,7 +189,7 @@ pub struct Sweep {
     pub cases: Vec<ErrorCase>,
     /// Which grasp is tried.
     pub strategy: Strategy,
-    /// Coulomb friction of all objects in place of their own.
+    /// Coulomb friction between pads and objects in place of their own.
     pub friction: Option<f64>,
     /// Force of each finger, newtons, in place of what the planner takes.
     pub force_n: Option<f64>,
@@ -210,7 +210,7 @@ impl Sweep {
                 "--range: {value} {what}: must be above 0 and at most {most}"
             );
         }
-        let setup = Setup::open(&options.setup)?;
+        let mut setup = Setup::open(&options.setup)?;
         let strongest = setup.cell.config.gripper.max_force;
         for (value, most, option) in
             [(options.friction, 2.0, "--friction"), (options.force_n, strongest, "--force")]
@@ -218,6 +218,12 @@ impl Sweep {
             if let Some(value) = value {
                 ensure!(value > 0.0 && value <= most, "{option} {value}: must be above 0 and at most {most}");
             }
+        }
+        // A contact has the mean of both sides' coefficients: with pads of the same it is the one that was asked for.
+        if let Some(friction) = options.friction {
+            let settings = Arc::make_mut(&mut setup.settings);
+            settings.physics.fingers.pad_friction = friction;
+            settings.planner.grasp.antipodal.pad_friction = friction;
         }
         let cases = match &options.pattern {
             ErrorPattern::Axis(axes) => {

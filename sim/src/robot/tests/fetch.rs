@@ -200,9 +200,10 @@ fn named_poses_are_those_of_the_maker() {
 fn camera_presets_are_the_known_ones() {
     let (robot, config) = &*FETCH;
     let preset = |name| config.intrinsics(robot, name).unwrap();
-    assert_eq!(preset("fetch"), Intrinsics::FETCH);
-    assert_eq!(preset("grip-paper"), Intrinsics::GRIP_PAPER);
-    assert!(config.intrinsics(robot, "zed").is_err());
+    assert_eq!(preset(Some("fetch")), Intrinsics::FETCH);
+    assert_eq!(preset(Some("grip-paper")), Intrinsics::GRIP_PAPER);
+    assert_eq!(preset(None), Intrinsics::FETCH);
+    assert!(config.intrinsics(robot, Some("zed")).is_err());
 }
 
 #[test]
