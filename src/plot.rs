@@ -5,7 +5,7 @@ pub mod bars;
 use std::ops::Range;
 use std::path::Path;
 
-use anyhow::Result;
+use anyhow::{Context, Result};
 use grip_sim::bop;
 use plotters::coord::Shift;
 use plotters::coord::ranged1d::{KeyPointHint, NoDefaultFormatting, Ranged, ValueFormatter};
@@ -174,11 +174,9 @@ pub fn write(figure: &Figure, path: &Path) -> Result<()> {
 pub fn check_place(path: &Path) -> Result<()> {
     anyhow::ensure!(!path.is_dir(), "{}: is a folder; give a file", path.display());
     let folder = path.parent().filter(|parent| !parent.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    anyhow::ensure!(
-        folder.is_dir() && path.file_name().is_some(),
-        "{}: cannot be written, there is no such folder; make it first",
-        path.display()
-    );
+    std::fs::create_dir_all(folder)
+        .with_context(|| format!("{}: cannot be written; give another place", path.display()))?;
+    anyhow::ensure!(path.file_name().is_some(), "{}: is no name of a file", path.display());
     Ok(())
 }
 

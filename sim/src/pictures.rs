@@ -118,22 +118,24 @@ pub(crate) fn decode(bytes: &[u8]) -> std::result::Result<Picture, String> {
 
 /// `image` never asks this decoder to be strict, and without an end marker it takes a picture for whole.
 fn jpeg(bytes: &[u8]) -> std::result::Result<Picture, String> {
-    if !ends(bytes) {
-        return Err("it ends before its end marker".into());
-    }
+    let end = end(bytes).ok_or("it ends before its end marker")?;
     let text = |error: zune_jpeg::errors::DecodeErrors| error.to_string();
-    let options = DecoderOptions::default()
-        .set_strict_mode(true)
-        .set_max_width(LARGEST as usize)
-        .set_max_height(LARGEST as usize);
-    let mut decoder = JpegDecoder::new_with_options(ZCursor::new(bytes), options);
+    let options = DecoderOptions::default().set_max_width(LARGEST as usize).set_max_height(LARGEST as usize);
+    let strict = options.set_strict_mode(true);
+    let mut decoder = JpegDecoder::new_with_options(ZCursor::new(bytes), strict);
     decoder.decode_headers().map_err(text)?;
     let grey = decoder.input_colorspace() == Some(ColorSpace::Luma);
     let color = if grey { ColorSpace::Luma } else { ColorSpace::RGB };
-    decoder.set_options(options.jpeg_set_out_colorspace(color));
+    decoder.set_options(strict.jpeg_set_out_colorspace(color));
     let orientation = decoder.exif().and_then(|chunk| Orientation::from_exif_chunk(chunk));
     let (width, height) = decoder.info().map(|info| (info.width, info.height)).ok_or("it has no size")?;
     let pixels = decoder.decode().map_err(text)?;
+    // At the end marker the decoder goes on with zeros as long as it lacks pixels: whether it did, other bytes show in their place.
+    let longer = [&bytes[..end], &[0x5a; 256], &bytes[end..]].concat();
+    let lenient = options.set_strict_mode(false).jpeg_set_out_colorspace(color);
+    if JpegDecoder::new_with_options(ZCursor::new(&longer), lenient).decode().ok().as_ref() != Some(&pixels) {
+        return Err("its end marker comes before its last pixels".into());
+    }
     let (width, height) = (u32::from(width), u32::from(height));
     let image = if grey {
         GrayImage::from_raw(width, height, pixels).map(DynamicImage::ImageLuma8)
@@ -147,25 +149,25 @@ fn jpeg(bytes: &[u8]) -> std::result::Result<Picture, String> {
     })
 }
 
-/// Whether a JPEG has its end marker, behind a scan; what follows it does not matter.
-fn ends(bytes: &[u8]) -> bool {
+/// Where the end marker of a JPEG is, behind a scan; what follows it does not matter.
+fn end(bytes: &[u8]) -> Option<usize> {
     const START: u8 = 0xd8;
     const END: u8 = 0xd9;
     const SCAN: u8 = 0xda;
     let mut at = 2;
     let mut in_scan = false;
     loop {
-        let Some(&[first, marker]) = bytes.get(at..at + 2) else { return false };
+        let &[first, marker] = bytes.get(at..at + 2)? else { return None };
         match marker {
             _ if first != 0xff => at += 1,
             0xff => at += 1,
-            END => return in_scan,
+            END => return in_scan.then_some(at),
             // Stuffed zeros and restarts within a scan, and what has no length.
             0 | 1 | 0xd0..=START => at += 2,
             // A segment says how long it is.
             _ => {
                 in_scan |= marker == SCAN;
-                let Some(&[high, low]) = bytes.get(at + 2..at + 4) else { return false };
+                let &[high, low] = bytes.get(at + 2..at + 4)? else { return None };
                 at += 2 + usize::from(u16::from_be_bytes([high, low])).max(2);
             }
         }
@@ -193,4 +195,153 @@ fn rgb8(image: DynamicImage, gamma: Option<f32>) -> std::result::Result<RgbImage
         rgb.iter_mut().for_each(|value| *value = table[usize::from(*value)]);
     }
     Ok(rgb)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use image::ImageBuffer;
+
+    /// Wider than high, each corner of another colour.
+    fn corners() -> RgbImage {
+        RgbImage::from_fn(48, 32, |x, y| {
+            image::Rgb(match (x < 24, y < 16) {
+                (true, true) => [250, 10, 10],
+                (false, true) => [10, 250, 10],
+                (true, false) => [10, 10, 250],
+                (false, false) => [240, 240, 240],
+            })
+        })
+    }
+
+    fn encoded(image: &DynamicImage, format: ImageFormat) -> Vec<u8> {
+        let mut bytes = Cursor::new(Vec::new());
+        image.write_to(&mut bytes, format).unwrap();
+        bytes.into_inner()
+    }
+
+    /// A JPEG with the EXIF tag `orientation`.
+    fn tagged(orientation: u8) -> Vec<u8> {
+        let jpeg = encoded(&corners().into(), ImageFormat::Jpeg);
+        // Big-endian TIFF with one directory of one entry: 0x0112, a short.
+        let exif = [
+            b"Exif\0\0MM\0\x2a\0\0\0\x08\0\x01\x01\x12\0\x03\0\0\0\x01\0".as_slice(),
+            &[orientation, 0, 0, 0, 0, 0, 0],
+        ]
+        .concat();
+        let length = (exif.len() as u16 + 2).to_be_bytes();
+        [&jpeg[..2], &[0xff, 0xe1], &length, &exif, &jpeg[2..]].concat()
+    }
+
+    fn written(name: &str, bytes: &[u8]) -> (tempfile::TempDir, std::path::PathBuf) {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join(name);
+        std::fs::write(&path, bytes).unwrap();
+        (folder, path)
+    }
+
+    fn refused(bytes: &[u8], wanted: &str) {
+        let (_keep, path) = written("a.png", bytes);
+        let error = stored(&path).unwrap_err().to_string();
+        assert!(error.contains(wanted) && error.contains("a.png"), "{wanted}: {error}");
+    }
+
+    #[test]
+    fn a_picture_that_is_cut_off_is_refused_wherever_it_is_cut() {
+        let noisy: DynamicImage = RgbImage::from_fn(64, 48, |x, y| {
+            image::Rgb([(x * y * 7 % 251) as u8, (x * 31 % 253) as u8, (y * 57 % 247) as u8])
+        })
+        .into();
+        for (format, name) in [(ImageFormat::Jpeg, "JPEG"), (ImageFormat::Png, "PNG"), (ImageFormat::Tiff, "TIFF")] {
+            let bytes = encoded(&noisy, format);
+            assert_eq!(decode(&bytes).unwrap().image.width(), 64);
+            // A PNG ends with 12 bytes that say no more than that; TIFF may end with its directory, without which it is none.
+            let last = if format == ImageFormat::Png { bytes.len() - 16 } else { bytes.len() - 1 };
+            for length in (0..last).step_by(7).chain([last]) {
+                let error = decode(&bytes[..length]).err().unwrap_or_else(|| panic!("{name} of {length} bytes"));
+                assert!(length < 64 || error.contains(name), "{name} of {length}: {error}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_jpeg_whose_middle_is_missing_or_other_bytes_is_refused() {
+        let bytes = encoded(&corners().into(), ImageFormat::Jpeg);
+        let end = &bytes[bytes.len() - 2..];
+        assert_eq!(end, [0xff, 0xd9]);
+        let middle = bytes.len() - 40;
+        for length in (middle - 200..bytes.len() - 4).step_by(3) {
+            assert!(decode(&[&bytes[..length], end].concat()).is_err(), "cut off at {length} and closed again");
+        }
+        let mut other = bytes.clone();
+        other[middle..middle + 2].copy_from_slice(&[0xff, 0xc4]);
+        assert!(decode(&other).is_err(), "a marker among the pixels");
+        assert!(decode(&[&bytes, b"more".as_slice()].concat()).is_ok(), "bytes behind the end do no harm");
+    }
+
+    #[test]
+    fn exif_turns_a_picture_where_it_may_and_is_refused_where_pixels_count() {
+        let close = |a: &RgbImage, b: &RgbImage| {
+            a.dimensions() == b.dimensions()
+                && a.pixels().zip(b.pixels()).filter(|(a, b)| (0..3).any(|i| a[i].abs_diff(b[i]) > 60)).count() < 100
+        };
+        let mut sides = Vec::new();
+        for orientation in 1..=8 {
+            let (_keep, path) = written("t.jpg", &tagged(orientation));
+            let turned = upright(&path).unwrap();
+            let mut wanted: DynamicImage = corners().into();
+            wanted.apply_orientation(Orientation::from_exif(orientation).unwrap());
+            assert!(close(&turned, &wanted.into_rgb8()), "{orientation}");
+            sides.push(turned.width());
+            if orientation == 1 {
+                assert!(close(&stored(&path).unwrap(), &corners()));
+            } else {
+                let error = stored(&path).unwrap_err().to_string();
+                assert!(error.contains(&format!("EXIF orientation is {orientation}")), "{error}");
+            }
+            assert_eq!(size(&path).unwrap(), [48, 32]);
+        }
+        assert_eq!(sides, [48, 48, 48, 48, 32, 32, 32, 32]);
+    }
+
+    /// A linear picture looks as dark as it says it is not: half the light is 188 in sRGB.
+    #[test]
+    fn a_png_of_another_gamma_is_converted() {
+        let picture = |gamma: Option<f32>| {
+            let mut bytes = Vec::new();
+            let mut encoder = png::Encoder::new(&mut bytes, 2, 1);
+            encoder.set_color(png::ColorType::Rgb);
+            if let Some(gamma) = gamma {
+                encoder.set_source_gamma(png::ScaledFloat::new(gamma));
+            }
+            encoder.write_header().unwrap().write_image_data(&[0, 128, 255, 64, 32, 16]).unwrap();
+            let (_keep, path) = written("g.png", &bytes);
+            stored(&path).unwrap().into_raw()
+        };
+        assert_eq!(picture(None), [0, 128, 255, 64, 32, 16]);
+        assert_eq!(picture(Some(0.45455)), [0, 128, 255, 64, 32, 16]);
+        let linear = picture(Some(1.0));
+        assert_eq!((linear[0], linear[2]), (0, 255));
+        assert!(linear[1].abs_diff(187) <= 1, "{linear:?}");
+    }
+
+    #[test]
+    fn tiff_is_read_and_what_is_no_picture_of_ours_is_told_apart() {
+        let grey: ImageBuffer<image::Luma<u16>, Vec<u16>> = ImageBuffer::from_fn(5, 3, |x, y| image::Luma([(x * 1000 + y) as u16]));
+        let bytes = encoded(&grey.clone().into(), ImageFormat::Tiff);
+        let (_keep, path) = written("d.tif", &bytes);
+        assert_eq!(values(&path).unwrap().into_luma16(), grey);
+        refused(b"GIF89a\x01\0\x01\0\0\0\0", "format Gif; PNG, JPEG and TIFF are read");
+        refused(b"BM", "format Bmp");
+        refused(b"\0\0\0\0", "is no picture");
+        refused(b"version https://git-lfs.github.com/spec/v1\n", "git lfs pull");
+        let float: DynamicImage = ImageBuffer::from_pixel(2, 2, image::Rgb([0.5f32, 2.0, -1.0])).into();
+        refused(&encoded(&float, ImageFormat::Tiff), "floating-point");
+        let huge = {
+            let mut bytes = Vec::new();
+            png::Encoder::new(&mut bytes, 100_000, 100_000).write_header().unwrap();
+            bytes
+        };
+        refused(&huge, "PNG");
+    }
 }

@@ -123,6 +123,9 @@ impl Run<'_> {
         self.boxes.check(models.values())?;
 
         let partial = partial_path(out)?;
+        if let Some(folder) = out.parent() {
+            std::fs::create_dir_all(folder).with_context(|| cannot_write(out))?;
+        }
         let mut done = if resume { self.resumed(&partial, &wanted)? } else { Done::new() };
         let images = wanted.len() - done.len();
         let missing: Vec<((u32, u32), &Wanted)> =

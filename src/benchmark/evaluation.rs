@@ -70,6 +70,8 @@ pub struct Evaluation {
     pub conditions: BTreeMap<String, Figures>,
     /// Estimates of images or objects that are not asked for.
     pub ignored: usize,
+    /// Of these, how many are of objects that the data set has no model of, by the object's number.
+    pub unknown: BTreeMap<u32, usize>,
     /// What the confidences are worth.
     pub presence: Presence,
     /// What errors could not be measured with.
@@ -141,7 +143,13 @@ pub fn evaluate(dataset: &Dataset, estimates: &[Estimate]) -> Result<Evaluation>
         }
     }
     let objects: BTreeSet<u32> = cases.iter().map(|case| case.obj_id).collect();
+    let known: BTreeSet<u32> = dataset.model_ids()?.into_iter().collect();
+    let mut unknown: BTreeMap<u32, usize> = BTreeMap::new();
+    for estimate in estimates.iter().filter(|estimate| !known.contains(&estimate.obj_id)) {
+        *unknown.entry(estimate.obj_id).or_default() += 1;
+    }
     Ok(Evaluation {
+        unknown,
         all: of_images(&all),
         objects: objects.iter().map(|id| (*id, of_object(id))).collect(),
         conditions: by_condition.into_iter().map(|(name, images)| (name, of_images(&images))).collect(),

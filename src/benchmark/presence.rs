@@ -54,7 +54,7 @@ pub struct Bin {
     pub right: f64,
 }
 
-/// Estimates of objects that are not in the image, of images that the data set has.
+/// Estimates of objects that are not in the image, of images and objects that the data set has.
 ///
 /// # Errors
 /// When the truth cannot be read.
@@ -71,8 +71,11 @@ pub fn of_absent_objects<'a>(dataset: &Dataset, estimates: &'a [Estimate]) -> Re
             objects.extend(dataset.ground_truths(image.0, image.1)?.iter().map(|truth| truth.obj_id));
         }
     }
-    let absent =
-        |e: &&Estimate| there.get(&(e.scene_id, e.im_id)).is_some_and(|objects| !objects.contains(&e.obj_id));
+    let known: BTreeSet<u32> = dataset.model_ids()?.into_iter().collect();
+    let absent = |e: &&Estimate| {
+        let objects = there.get(&(e.scene_id, e.im_id));
+        known.contains(&e.obj_id) && objects.is_some_and(|objects| !objects.contains(&e.obj_id))
+    };
     Ok(estimates.iter().filter(absent).collect())
 }
 

@@ -209,7 +209,7 @@ pub struct EstimateArgs {
     #[arg(long, default_value_t = 1)]
     pub seed: u64,
     /// Where the results go: a CSV file as the BOP challenge has it; an older one is replaced.
-    #[arg(long, value_name = "FILE", default_value = "results.csv")]
+    #[arg(long, value_name = "FILE", default_value = "runs/results.csv")]
     pub out: PathBuf,
     /// Also write where each object may be and how far off, as JSON, a line an estimate; for grip eval --posteriors.
     #[arg(long, value_name = "FILE")]
@@ -305,7 +305,7 @@ pub struct ExplainArgs {
     #[arg(long)]
     pub truth: bool,
     /// The picture, PNG; an older one is replaced.
-    #[arg(long, value_name = "FILE", default_value = "explain.png")]
+    #[arg(long, value_name = "FILE", default_value = "runs/explain.png")]
     pub out: PathBuf,
     /// Print the figures of every estimate as JSON.
     #[arg(long)]
@@ -342,7 +342,7 @@ pub struct ConvergenceArgs {
     #[command(flatten)]
     pub network: DetectorArgs,
     /// The figure, SVG; an older one is replaced.
-    #[arg(long, value_name = "FILE", default_value = "convergence.svg")]
+    #[arg(long, value_name = "FILE", default_value = "runs/convergence.svg")]
     pub out: PathBuf,
     /// Print every search as JSON.
     #[arg(long)]

@@ -80,6 +80,14 @@ pub fn run(args: &EvalArgs) -> Result<Done> {
                 evaluation.ignored
             ));
         }
+        if !evaluation.unknown.is_empty() {
+            let ids: Vec<String> = evaluation.unknown.keys().map(u32::to_string).collect();
+            output::message(format_args!(
+                "{} of them are of objects that the data set has no model of: {}; check obj_id",
+                evaluation.unknown.values().sum::<usize>(),
+                ids.join(", ")
+            ));
+        }
         if let Some(text) = lacking(&evaluation.lacking) {
             output::message(format_args!("{text}"));
         }

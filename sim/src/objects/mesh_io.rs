@@ -1,17 +1,14 @@
-//! Wavefront OBJ and PLY files as a [`Visual`].
+//! Wavefront OBJ files as a [`Visual`], and what all formats have in common.
 //!
 //! Whatever the files hold, the result passes [`Mesh::validate`], or there is an error that names the file.
 
-use std::io::BufReader;
 use std::path::Path;
 use std::sync::Arc;
 
 use image::RgbImage;
 use nalgebra::{Point3, Vector3};
-use ply_rs_bw::parser::Parser;
-use ply_rs_bw::ply::{DefaultElement, Property};
-
 use super::obj::{self, Obj};
+pub use super::ply::load_ply;
 use crate::files;
 use crate::mesh::{Material, Mesh, Visual};
 use crate::pictures;
@@ -72,87 +69,8 @@ pub fn load_obj(path: &Path) -> Result<Visual> {
     finish(path, mesh, material)
 }
 
-/// Reads a PLY file, ASCII or binary, and scales it by `unit_scale` (0.001 for millimetres).
-///
-/// Vertices: `x y z`, and if there are any `nx ny nz`, `red green blue`, and `texture_u texture_v`, `s t` or `u v`.
-/// Faces: lists of at least three indices, cut into fans of triangles. A header line `comment TextureFile NAME` names
-/// the texture.
-///
-/// # Errors
-/// If the file or its texture is missing, cut off or wrong.
-pub fn load_ply(path: &Path, unit_scale: f64) -> Result<Visual> {
-    let invalid = |message: String| Error::invalid(path, message);
-    let file = std::fs::File::open(path).map_err(|source| Error::io(path, source))?;
-    let ply = Parser::<DefaultElement>::new().read_ply(&mut BufReader::new(file)).map_err(|error| {
-        let at = error.line().map(|line| format!(" near line {line}")).unwrap_or_default();
-        invalid(format!("not a readable PLY file, or cut off{at}: {error}"))
-    })?;
-    let vertices = ply.payload.get("vertex").ok_or_else(|| invalid("has no element 'vertex'".into()))?;
-    let faces =
-        ply.payload.get("face").ok_or_else(|| invalid("has no element 'face': holds no triangles".into()))?;
-
-    let mut mesh = Mesh::default();
-    let first = vertices.first().ok_or_else(|| invalid("has no vertices".into()))?;
-    let has = |names: &[&str]| names.iter().all(|name| first.contains_key(*name));
-    if !has(&["x", "y", "z"]) {
-        return Err(invalid("its vertices lack x, y or z".into()));
-    }
-    let number = |vertex: &DefaultElement, name: &str| {
-        vertex.get(name).and_then(Property::to_f32_lossy).unwrap_or(f32::NAN)
-    };
-    let uv_names = [["texture_u", "texture_v"], ["s", "t"], ["u", "v"]].into_iter().find(|names| has(names));
-    let normals = has(&["nx", "ny", "nz"]);
-    let colors = has(&["red", "green", "blue"]);
-    for vertex in vertices {
-        let position = ["x", "y", "z"].map(|name| (f64::from(number(vertex, name)) * unit_scale) as f32);
-        mesh.positions.push(Point3::from(position));
-        if normals {
-            mesh.normals.push(Vector3::from(["nx", "ny", "nz"].map(|name| number(vertex, name))));
-        }
-        if colors {
-            let byte = |name| vertex.get(name).and_then(Property::to_u8_color_lossy).unwrap_or(0);
-            mesh.colors.push(["red", "green", "blue"].map(byte));
-        }
-        if let Some([u, v]) = uv_names {
-            // As in OBJ, v points up.
-            mesh.uvs.push([number(vertex, u), 1.0 - number(vertex, v)]);
-        }
-    }
-    for (index, face) in faces.iter().enumerate() {
-        let corners = ["vertex_indices", "vertex_index"]
-            .iter()
-            .find_map(|name| face.get(*name))
-            .and_then(Property::to_u32_list)
-            .ok_or_else(|| invalid(format!("face {index} has no list 'vertex_indices' of vertex numbers")))?;
-        let [first, rest @ ..] = corners.as_slice() else {
-            return Err(invalid(format!("face {index} is empty")));
-        };
-        if rest.len() < 2 {
-            return Err(invalid(format!(
-                "face {index} has {} vertices; three or more make a face",
-                corners.len()
-            )));
-        }
-        mesh.triangles.extend(rest.windows(2).map(|pair| [*first, pair[0], pair[1]]));
-    }
-
-    let mut material = Material::default();
-    let texture = ply.header.comments.iter().find_map(|comment| comment.trim().strip_prefix("TextureFile"));
-    if let Some(name) = texture {
-        let name = name.trim();
-        if mesh.uvs.is_empty() {
-            return Err(invalid(format!(
-                "names the texture '{name}' but its vertices have no texture_u and texture_v; \
-                 export texture coordinates per vertex"
-            )));
-        }
-        material.texture = Some(load_texture(path, name)?);
-    }
-    finish(path, mesh, material)
-}
-
 /// Checks the mesh, and sees to normals and to which colours count.
-fn finish(path: &Path, mut mesh: Mesh, mut material: Material) -> Result<Visual> {
+pub(super) fn finish(path: &Path, mut mesh: Mesh, mut material: Material) -> Result<Visual> {
     let count = mesh.positions.len();
     let usable =
         mesh.normals.len() == count && mesh.normals.iter().all(|n| n.norm() > 1e-6 && n.norm() < 1e6);
@@ -164,6 +82,11 @@ fn finish(path: &Path, mut mesh: Mesh, mut material: Material) -> Result<Visual>
         mesh.normals = vec![Vector3::z(); count];
     }
     mesh.validate().map_err(|message| Error::invalid(path, message))?;
+    if mesh.volume() < 0.0 && mesh.is_closed() {
+        log::warn!("{}: its faces are wound inwards; they are turned", path.display());
+        mesh.triangles.iter_mut().for_each(|triangle| triangle.swap(1, 2));
+        mesh.normals.iter_mut().for_each(|normal| *normal = -*normal);
+    }
     if !usable {
         mesh = mesh.compute_normals(CREASE);
     }
@@ -181,7 +104,7 @@ fn finish(path: &Path, mut mesh: Mesh, mut material: Material) -> Result<Visual>
 }
 
 /// The texture that the mesh file at `mesh` names.
-fn load_texture(mesh: &Path, name: &str) -> Result<Arc<RgbImage>> {
+pub(super) fn load_texture(mesh: &Path, name: &str) -> Result<Arc<RgbImage>> {
     let path = files::named(mesh.parent().unwrap_or(Path::new(".")), name);
     pictures::stored(&path).map(Arc::new).map_err(|error| match error {
         Error::Invalid { path, message } => {
@@ -277,6 +200,71 @@ mod tests {
                 let message = load_ply(&path, 1.0).unwrap_err().to_string();
                 assert!(message.contains("b.ply"), "{length}: {message}");
             }
+        }
+    }
+
+    const CUBE: &str = "ply\nformat ascii 1.0\nelement vertex 8\nproperty float x\nproperty float y\nproperty float z\n\
+        element face 6\nproperty list uchar int vertex_indices\nproperty uchar red\nproperty uchar green\n\
+        property uchar blue\nend_header\n0 0 0\n1 0 0\n1 1 0\n0 1 0\n0 0 1\n1 0 1\n1 1 1\n0 1 1\n\
+        4 3 2 1 0 9 0 0\n4 4 5 6 7 9 9 0\n4 0 1 5 4 9 0 9\n4 1 2 6 5 0 9 0\n4 2 3 7 6 0 0 9\n4 3 0 4 7 9 9 9\n";
+
+    #[test]
+    fn colours_of_faces_are_those_of_their_corners() {
+        let (_keep, path) = folder("c.ply", CUBE.as_bytes());
+        let mesh = load_ply(&path, 1.0).unwrap().mesh;
+        assert!(mesh.triangles.len() == 12 && mesh.colors.len() == mesh.positions.len());
+        for triangle in &mesh.triangles {
+            let corners = triangle.map(|i| mesh.colors[i as usize]);
+            assert!(corners[0] == corners[1] && corners[0] == corners[2]);
+            // The floor's colour is on the floor.
+            let floor = triangle.iter().all(|&i| mesh.positions[i as usize].z == 0.0);
+            assert_eq!(floor, corners[0] == [9, 0, 0]);
+        }
+    }
+
+    #[test]
+    fn texture_coordinates_of_corners_are_read() {
+        let head = PLY_HEAD.replace("property float texture_u\nproperty float texture_v\n", "").replace(
+            "int vertex_indices\n",
+            "int vertex_indices\nproperty list uchar float texcoord\n",
+        );
+        let body = "0 0 0\n1000 0 0\n1000 1000 0\n0 1000 0\n4 0 1 2 3 8 0 0 1 0 1 1 0 1\n";
+        let (_keep, path) = folder("w.ply", format!("{head}{body}").as_bytes());
+        check_square(&load_ply(&path, 1e-3).unwrap());
+        let (_keep, path) = folder("w.ply", format!("{head}{}", body.replace("8 0 0 1 0", "6 1 0")).as_bytes());
+        assert!(load_ply(&path, 1e-3).unwrap_err().to_string().contains("4 vertices, but 6 texture"));
+    }
+
+    #[test]
+    fn a_closed_mesh_that_is_wound_inwards_is_turned() {
+        let turned = CUBE.replace("3 2 1 0", "0 1 2 3").replace("4 5 6 7", "7 6 5 4").replace("0 1 5 4", "4 5 1 0");
+        let turned = turned.replace("1 2 6 5", "5 6 2 1").replace("2 3 7 6", "6 7 3 2").replace("3 0 4 7", "7 4 0 3");
+        for text in [CUBE.to_owned(), turned] {
+            let (_keep, path) = folder("c.ply", text.as_bytes());
+            let mesh = load_ply(&path, 1.0).unwrap().mesh;
+            assert!((mesh.volume() - 1.0).abs() < 1e-6, "{}", mesh.volume());
+            let center = Vector3::repeat(0.5);
+            assert!(mesh.positions.iter().zip(&mesh.normals).all(|(p, n)| (p.coords - center).dot(n) > 0.1));
+        }
+    }
+
+    #[test]
+    fn a_comment_in_another_encoding_does_no_harm() {
+        let text = format!("{PLY_HEAD}{PLY_BODY}");
+        let text = text.replacen("comment", "comment made by M@ller\ncomment", 1);
+        let bytes: Vec<u8> = text.bytes().map(|byte| if byte == b'@' { 0xfc } else { byte }).collect();
+        let (_keep, path) = folder("l.ply", &bytes);
+        check_square(&load_ply(&path, 1e-3).unwrap());
+    }
+
+    #[test]
+    fn a_pointer_an_archive_and_a_page_are_no_meshes() {
+        let pointer = "version https://git-lfs.github.com/spec/v1\noid sha256:00\nsize 1\n";
+        for (bytes, wanted) in [(pointer, "git lfs pull"), ("PK\u{3}\u{4}", "zip archive"), ("<html>", "HTML"), ("", "is empty")] {
+            let (_keep, path) = folder("a.ply", bytes.as_bytes());
+            assert!(load_ply(&path, 1.0).unwrap_err().to_string().contains(wanted));
+            let (_keep, path) = folder("a.obj", bytes.as_bytes());
+            assert!(load_obj(&path).unwrap_err().to_string().contains(wanted));
         }
     }
 

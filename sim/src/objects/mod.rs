@@ -19,6 +19,7 @@ pub mod decompose;
 pub mod library;
 pub mod mesh_io;
 pub(crate) mod obj;
+pub(crate) mod ply;
 pub mod scans;
 mod symmetry;
 pub mod table;

@@ -389,7 +389,7 @@ fn cut_off_missing_and_xacro_files_are_told_apart() {
     }
     let error = |path: &Path| RobotModel::load(path, &[]).unwrap_err().to_string();
     assert!(error(&folder.path().join("none.urdf")).contains("none.urdf"));
-    assert!(error(folder.path()).contains("check that the path exists"));
+    assert!(error(folder.path()).contains("give a file"));
     assert!(error(&write("a.urdf.xacro", "<robot/>")).contains("expand it first"));
     assert!(error(&write("a.urdf", "<robot><xacro:include/></robot>")).contains("expand it first"));
     assert!(error(&write("b.urdf", "not xml")).contains("no whole XML"));
