@@ -76,7 +76,7 @@ impl Error {
     }
 
     /// What is wrong with a file, for a caller that names it itself.
-    pub(crate) fn without_file(self) -> String {
+    pub fn without_file(self) -> String {
         match self {
             Self::Io { reason, .. } => reason.to_string(),
             Self::Invalid { message, .. } => message,

@@ -204,9 +204,7 @@ impl Boxes {
 }
 
 fn read(path: &Path) -> Result<Boxes> {
-    let text = std::fs::read_to_string(path).with_context(|| {
-        format!("{}: cannot read the detections; give a COCO-style .json", path.display())
-    })?;
+    let text = grip_sim::files::read_to_string(path).context("detections: give a COCO-style .json")?;
     let list: Vec<FileBox> = serde_json::from_str(&text).with_context(|| {
         format!(
             "{}: must be a list of {{scene_id, image_id, category_id, bbox: [left, top, width, height], score}}",
@@ -217,7 +215,7 @@ fn read(path: &Path) -> Result<Boxes> {
     for entry in list {
         by_image.entry((entry.scene_id, entry.image_id)).or_default().push(entry);
     }
-    Ok(Boxes::File { boxes: by_image, sha256: format!("{:x}", Sha256::digest(text)) })
+    Ok(Boxes::File { boxes: by_image, sha256: format!("{:x}", Sha256::digest(text.as_bytes())) })
 }
 
 /// The box of what is seen of an instance, measured where the data set does not tell; `None` where it is out of sight.

@@ -49,9 +49,8 @@ pub struct Credibilities {
 /// When a file cannot be read, or none of the posteriors is of an object that is there.
 pub fn credibility(dataset: &Dataset, posteriors: &Path) -> Result<Credibilities> {
     let file = posteriors.display();
-    let text = std::fs::read_to_string(posteriors).with_context(|| {
-        format!("{file}: cannot be read; grip estimate --posteriors FILE writes such a file")
-    })?;
+    let text = grip_sim::files::read_to_string(posteriors)
+        .context("posteriors, as grip estimate --posteriors FILE writes them")?;
     let lines: Vec<PosteriorLine> = (1..)
         .zip(text.lines())
         .map(|(number, line)| serde_json::from_str(line).with_context(|| format!("{file}, line {number}")))

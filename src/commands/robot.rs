@@ -11,7 +11,7 @@ use super::output;
 use crate::cli::{RobotArgs, RobotFile};
 
 /// Version of what `--json` prints.
-pub const SCHEMA: &str = "grip.robot/1";
+pub const SCHEMA: &str = "grip.robot/2";
 
 /// What `--json` prints.
 #[derive(Serialize, JsonSchema)]

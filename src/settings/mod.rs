@@ -63,8 +63,7 @@ impl Settings {
     /// When the file cannot be read, is no TOML, has a name that is not in the tree, or a value that does not fit: names
     /// file, field and value.
     pub fn load(file: &Path) -> Result<Self> {
-        let text = std::fs::read_to_string(file)
-            .with_context(|| format!("--settings {}: cannot be read", file.display()))?;
+        let text = grip_sim::files::read_to_string(file).context("--settings")?;
         Self::parse(&text).with_context(|| format!("--settings {}", file.display()))
     }
 

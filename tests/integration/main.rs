@@ -12,6 +12,7 @@ mod explain;
 mod figures;
 mod golden;
 mod init;
+mod input;
 mod metrics;
 mod pack;
 mod plan;

@@ -9,8 +9,9 @@ pub const REQUEST: &str = "
 group_name: arm_with_torso
 start_state:
   joint_state:
-    name: [torso_lift_joint, shoulder_pan_joint, shoulder_lift_joint, elbow_flex_joint, wrist_flex_joint]
-    position: [0.2, 0.8, 0.0, 0.5, 0.5]
+    name: [torso_lift_joint, shoulder_pan_joint, shoulder_lift_joint, elbow_flex_joint, wrist_flex_joint, upperarm_roll_joint,
+      forearm_roll_joint, wrist_roll_joint]
+    position: [0.2, 0.8, 0.0, 0.5, 0.5, 0.0, 0.0, 0.0]
 goal_constraints:
   - joint_constraints:
       - {joint_name: torso_lift_joint, position: 0.2}

@@ -94,8 +94,8 @@ impl GraspSet {
 /// When it cannot be read, is of another schema or object, or holds no grasp or one that is no pose.
 pub fn read_poses(path: &Path, object: &str) -> Result<Vec<Pose<Object, Gripper>>, GraspSetError> {
     let fail = |reason: String| GraspSetError { path: path.to_path_buf(), reason };
-    let text = std::fs::read_to_string(path)
-        .map_err(|e| fail(format!("{e}; `grip grasps {object} --out DIR` makes one")))?;
+    let text = grip_sim::files::read_to_string(path)
+        .map_err(|e| fail(format!("{}; `grip grasps {object} --out DIR` makes one", e.without_file())))?;
     let file: GraspFile = serde_json::from_str(&text).map_err(|e| fail(e.to_string()))?;
     if file.schema != SCHEMA {
         return Err(fail(format!("schema \"{}\": this program reads \"{SCHEMA}\"", file.schema)));

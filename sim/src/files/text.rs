@@ -15,9 +15,26 @@ pub(crate) fn strict(bytes: Cow<'_, [u8]>) -> Result<Cow<'_, str>, String> {
 /// Text of which only the ASCII part matters (numbers and keywords of a mesh): what is not UTF-8 is taken for an 8-bit encoding, in
 /// which every byte is a letter.
 pub(crate) fn lenient(bytes: Cow<'_, [u8]>) -> Cow<'_, str> {
-    let (text, _, wrong) = UTF_8.decode(&bytes);
-    let text = if wrong { WINDOWS_1252.decode(&bytes).0 } else { text };
-    Cow::Owned(text.into_owned())
+    match plain(bytes) {
+        Ok(text) => text,
+        Err(bytes) => {
+            let (text, _, wrong) = UTF_8.decode(&bytes);
+            Cow::Owned(if wrong { WINDOWS_1252.decode(&bytes).0.into_owned() } else { text.into_owned() })
+        }
+    }
+}
+
+/// UTF-8 without a byte order mark, as nearly all text is; the bytes of any other.
+fn plain(bytes: Cow<'_, [u8]>) -> Result<Cow<'_, str>, Cow<'_, [u8]>> {
+    if Encoding::for_bom(&bytes).is_some() {
+        return Err(bytes);
+    }
+    match bytes {
+        Cow::Borrowed(bytes) => std::str::from_utf8(bytes).map(Cow::Borrowed).map_err(|_| Cow::Borrowed(bytes)),
+        Cow::Owned(bytes) => {
+            String::from_utf8(bytes).map(Cow::Owned).map_err(|error| Cow::Owned(error.into_bytes()))
+        }
+    }
 }
 
 /// An XML document in the encoding that it declares.
@@ -35,12 +52,14 @@ pub(crate) fn xml(bytes: Cow<'_, [u8]>) -> Result<Cow<'_, str>, String> {
 
 /// A byte order mark goes before `encoding`.
 fn decoded<'a>(bytes: Cow<'a, [u8]>, encoding: &'static Encoding) -> Result<Cow<'a, str>, String> {
-    if let (Cow::Borrowed(bytes), true) = (&bytes, encoding == UTF_8)
-        && Encoding::for_bom(bytes).is_none()
-        && let Ok(text) = std::str::from_utf8(bytes)
-    {
-        return Ok(Cow::Borrowed(text));
-    }
+    let bytes = if encoding == UTF_8 {
+        match plain(bytes) {
+            Ok(text) => return Ok(text),
+            Err(bytes) => bytes,
+        }
+    } else {
+        bytes
+    };
     let (text, used, wrong) = encoding.decode(&bytes);
     if !wrong {
         return Ok(Cow::Owned(text.into_owned()));

@@ -105,7 +105,7 @@ pub fn load_problem(
     let base = &robot.links()[0].name;
     let is_text = scene.extension().is_some_and(|ending| ending == "scene");
     let Obstacles { shapes: obstacles, names, state: at_scene } = if is_text {
-        let text = files::read_to_string(scene).map_err(unreadable)?;
+        let text = files::read_to_string(scene).map_err(|e| problem(scene, e.without_file()))?;
         let (shapes, names) = scene_text::parse(&text).map_err(|e| problem(scene, e))?;
         Obstacles { shapes, names, state: StatePart::default() }
     } else {
@@ -331,16 +331,8 @@ fn geometry(primitive: &Primitive) -> Result<Convex, String> {
 }
 
 fn read<T: for<'de> Deserialize<'de>>(path: &Path) -> Result<T, ProblemError> {
-    let text = files::read_to_string(path).map_err(unreadable)?;
+    let text = files::read_to_string(path).map_err(|e| problem(path, e.without_file()))?;
     serde_saphyr::from_str(&text).map_err(|e| problem(path, e))
-}
-
-fn unreadable(error: grip_sim::Error) -> ProblemError {
-    match error {
-        grip_sim::Error::Io { path, reason } => problem(&path, reason),
-        grip_sim::Error::Invalid { path, message } => problem(&path, message),
-        other => problem(Path::new(""), other),
-    }
 }
 
 fn problem(path: &Path, reason: impl ToString) -> ProblemError {
