@@ -46,7 +46,8 @@ impl Workplace {
     /// With what the target needs beside its file; in memory where there is such a place.
     pub fn new(target: &Target) -> Self {
         let memory = Path::new("/dev/shm");
-        let folder = if memory.is_dir() { tempfile::tempdir_in(memory) } else { tempfile::tempdir() }.unwrap();
+        let folder =
+            if memory.is_dir() { tempfile::tempdir_in(memory) } else { tempfile::tempdir() }.unwrap();
         (target.beside)(folder.path());
         Self(folder)
     }
@@ -122,9 +123,18 @@ fn data_set(folder: &Path) {
     fs::write(scene.join("depth/000000.png"), DEPTH).unwrap();
     for (name, text) in [
         (BOP[0], r#"{"0": {"cam_K": [500, 0, 1, 0, 500, 1, 0, 0, 1], "depth_scale": 1.0}}"#),
-        (BOP[1], r#"{"0": [{"cam_R_m2c": [1, 0, 0, 0, 1, 0, 0, 0, 1], "cam_t_m2c": [0, 0, 500], "obj_id": 1}]}"#),
-        (BOP[2], r#"{"0": [{"bbox_obj": [0, 0, 1, 1], "bbox_visib": [0, 0, 1, 1], "px_count_all": 1, "px_count_valid": 1, "px_count_visib": 1, "visib_fract": 1.0}]}"#),
-        (BOP[3], r#"{"1": {"diameter": 10, "min_x": -1, "min_y": -1, "min_z": -1, "size_x": 2, "size_y": 2, "size_z": 2}}"#),
+        (
+            BOP[1],
+            r#"{"0": [{"cam_R_m2c": [1, 0, 0, 0, 1, 0, 0, 0, 1], "cam_t_m2c": [0, 0, 500], "obj_id": 1}]}"#,
+        ),
+        (
+            BOP[2],
+            r#"{"0": [{"bbox_obj": [0, 0, 1, 1], "bbox_visib": [0, 0, 1, 1], "px_count_all": 1, "px_count_valid": 1, "px_count_visib": 1, "visib_fract": 1.0}]}"#,
+        ),
+        (
+            BOP[3],
+            r#"{"1": {"diameter": 10, "min_x": -1, "min_y": -1, "min_z": -1, "size_x": 2, "size_y": 2, "size_z": 2}}"#,
+        ),
         (BOP[4], r#"[{"scene_id": 1, "im_id": 0, "obj_id": 1, "inst_count": 1}]"#),
         (BOP[5], r#"{"width": 2, "height": 2, "fx": 500, "fy": 500, "cx": 1, "cy": 1, "depth_scale": 1.0}"#),
         (BOP[6], r#"{"0": {"view": "a"}}"#),
@@ -172,11 +182,16 @@ static FETCH: LazyLock<(RobotModel, RobotConfig)> = LazyLock::new(|| {
 /// A problem, both of whose files can be read.
 fn problem(folder: &Path) {
     fs::write(folder.join("scene0001.yaml"), include_bytes!("../corpus/moveit-scene/scene.yaml")).unwrap();
-    fs::write(folder.join("request0001.yaml"), include_bytes!("../corpus/moveit-request/request.yaml")).unwrap();
+    fs::write(folder.join("request0001.yaml"), include_bytes!("../corpus/moveit-request/request.yaml"))
+        .unwrap();
 }
 
 fn moveit(folder: &Path, file: &Path) -> Outcome {
-    let scene = if file.extension().is_some_and(|ending| ending == "scene") { "scene0001.scene" } else { "scene0001.yaml" };
+    let scene = if file.extension().is_some_and(|ending| ending == "scene") {
+        "scene0001.scene"
+    } else {
+        "scene0001.yaml"
+    };
     let (robot, config) = &*FETCH;
     outcome(load_problem(&folder.join("request0001.yaml"), &folder.join(scene), robot, config))
 }

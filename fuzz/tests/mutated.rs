@@ -11,7 +11,7 @@ use rand::{Rng, RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 
-const INPUTS: usize = 1500;
+const INPUTS: usize = 10_000;
 /// Inputs that share a folder.
 const BATCH: usize = 50;
 
@@ -50,8 +50,30 @@ fn attempt(target: &Target, workplace: &Workplace, seeds: &[Vec<u8>], number: us
 
 /// Numbers and words that readers trip over.
 const WORDS: [&str; 24] = [
-    "0", "-1", "1e400", "nan", "inf", "4294967295", "-2147483648", "18446744073709551616", "1e-320", "0x1", "", " ",
-    "\"", "<", "/>", "{", "[[[[", "\u{feff}", "\0", "../", "file://", "%", "#", "é",
+    "0",
+    "-1",
+    "1e400",
+    "nan",
+    "inf",
+    "4294967295",
+    "-2147483648",
+    "18446744073709551616",
+    "1e-320",
+    "0x1",
+    "",
+    " ",
+    "\"",
+    "<",
+    "/>",
+    "{",
+    "[[[[",
+    "\u{feff}",
+    "\0",
+    "../",
+    "file://",
+    "%",
+    "#",
+    "é",
 ];
 
 fn mutated(seeds: &[Vec<u8>], random: &mut impl Rng) -> Vec<u8> {

@@ -57,7 +57,9 @@ fn advice(reason: &std::io::Error) -> &'static str {
     match reason.kind() {
         Kind::NotFound => "check that the path exists",
         Kind::PermissionDenied | Kind::ReadOnlyFilesystem => "check permissions, or choose another place",
-        Kind::StorageFull | Kind::QuotaExceeded | Kind::FileTooLarge => "free some space, or choose another place",
+        Kind::StorageFull | Kind::QuotaExceeded | Kind::FileTooLarge => {
+            "free some space, or choose another place"
+        }
         Kind::IsADirectory => "give a file",
         Kind::NotADirectory => "a file is where a folder should be",
         _ => "check that the path exists and may be accessed",

@@ -100,7 +100,10 @@ pub(crate) fn named(folder: &Path, name: &str) -> PathBuf {
 ///
 /// # Errors
 /// Those of the serialiser.
-pub fn shown<S: serde::Serializer>(path: &impl AsRef<Path>, serializer: S) -> std::result::Result<S::Ok, S::Error> {
+pub fn shown<S: serde::Serializer>(
+    path: &impl AsRef<Path>,
+    serializer: S,
+) -> std::result::Result<S::Ok, S::Error> {
     serializer.serialize_str(&path.as_ref().to_string_lossy())
 }
 

@@ -96,11 +96,15 @@ pub(crate) fn decode(bytes: &[u8]) -> std::result::Result<Picture, String> {
         Ok(ImageFormat::Jpeg) => (ImageFormat::Jpeg, "JPEG"),
         Ok(ImageFormat::Tiff) => (ImageFormat::Tiff, "TIFF"),
         Ok(other) => {
-            return Err(format!("is a picture in the format {other:?}; PNG, JPEG and TIFF are read: convert it"));
+            return Err(format!(
+                "is a picture in the format {other:?}; PNG, JPEG and TIFF are read: convert it"
+            ));
         }
         Err(_) => return Err("is no picture: PNG, JPEG and TIFF are read; check the file".into()),
     };
-    let broken = |error: &dyn std::fmt::Display| format!("is not a whole {name} picture: {error}; copy or write it again");
+    let broken = |error: &dyn std::fmt::Display| {
+        format!("is not a whole {name} picture: {error}; copy or write it again")
+    };
     if format == ImageFormat::Jpeg {
         return jpeg(bytes).map_err(|error| broken(&error));
     }
@@ -252,13 +256,16 @@ mod tests {
             image::Rgb([(x * y * 7 % 251) as u8, (x * 31 % 253) as u8, (y * 57 % 247) as u8])
         })
         .into();
-        for (format, name) in [(ImageFormat::Jpeg, "JPEG"), (ImageFormat::Png, "PNG"), (ImageFormat::Tiff, "TIFF")] {
+        for (format, name) in
+            [(ImageFormat::Jpeg, "JPEG"), (ImageFormat::Png, "PNG"), (ImageFormat::Tiff, "TIFF")]
+        {
             let bytes = encoded(&noisy, format);
             assert_eq!(decode(&bytes).unwrap().image.width(), 64);
             // A PNG ends with 12 bytes that say no more than that; TIFF may end with its directory, without which it is none.
             let last = if format == ImageFormat::Png { bytes.len() - 16 } else { bytes.len() - 1 };
             for length in (0..last).step_by(7).chain([last]) {
-                let error = decode(&bytes[..length]).err().unwrap_or_else(|| panic!("{name} of {length} bytes"));
+                let error =
+                    decode(&bytes[..length]).err().unwrap_or_else(|| panic!("{name} of {length} bytes"));
                 assert!(length < 64 || error.contains(name), "{name} of {length}: {error}");
             }
         }
@@ -271,7 +278,10 @@ mod tests {
         assert_eq!(end, [0xff, 0xd9]);
         let middle = bytes.len() - 40;
         for length in (middle - 200..bytes.len() - 4).step_by(3) {
-            assert!(decode(&[&bytes[..length], end].concat()).is_err(), "cut off at {length} and closed again");
+            assert!(
+                decode(&[&bytes[..length], end].concat()).is_err(),
+                "cut off at {length} and closed again"
+            );
         }
         let mut other = bytes.clone();
         other[middle..middle + 2].copy_from_slice(&[0xff, 0xc4]);
@@ -283,7 +293,11 @@ mod tests {
     fn exif_turns_a_picture_where_it_may_and_is_refused_where_pixels_count() {
         let close = |a: &RgbImage, b: &RgbImage| {
             a.dimensions() == b.dimensions()
-                && a.pixels().zip(b.pixels()).filter(|(a, b)| (0..3).any(|i| a[i].abs_diff(b[i]) > 60)).count() < 100
+                && a.pixels()
+                    .zip(b.pixels())
+                    .filter(|(a, b)| (0..3).any(|i| a[i].abs_diff(b[i]) > 60))
+                    .count()
+                    < 100
         };
         let mut sides = Vec::new();
         for orientation in 1..=8 {
@@ -327,7 +341,8 @@ mod tests {
 
     #[test]
     fn tiff_is_read_and_what_is_no_picture_of_ours_is_told_apart() {
-        let grey: ImageBuffer<image::Luma<u16>, Vec<u16>> = ImageBuffer::from_fn(5, 3, |x, y| image::Luma([(x * 1000 + y) as u16]));
+        let grey: ImageBuffer<image::Luma<u16>, Vec<u16>> =
+            ImageBuffer::from_fn(5, 3, |x, y| image::Luma([(x * 1000 + y) as u16]));
         let bytes = encoded(&grey.clone().into(), ImageFormat::Tiff);
         let (_keep, path) = written("d.tif", &bytes);
         assert_eq!(values(&path).unwrap().into_luma16(), grey);

@@ -67,7 +67,11 @@ impl Bar {
             let kept = Arc::clone(&kept);
             bar.set_style(style.with_key("left", move |state: &ProgressState, f: &mut dyn fmt::Write| {
                 let done = state.pos().saturating_sub(kept.load(Ordering::Relaxed));
-                let _ = f.write_str(&left(state.elapsed(), done, state.len().unwrap_or(0).saturating_sub(state.pos())));
+                let _ = f.write_str(&left(
+                    state.elapsed(),
+                    done,
+                    state.len().unwrap_or(0).saturating_sub(state.pos()),
+                ));
             }));
         }
         let this = Self { bar, unit: unit.to_owned(), kept, lines: Mutex::default() };

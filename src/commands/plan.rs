@@ -179,7 +179,8 @@ fn table(summaries: &[Summary]) -> String {
     ];
     let right: Vec<usize> = (1..header.len()).collect();
     let rows = summaries.iter().map(|s| {
-        let shown = |value: Option<f64>, digits: usize| value.map_or("-".to_owned(), |v| format!("{v:.digits$}"));
+        let shown =
+            |value: Option<f64>, digits: usize| value.map_or("-".to_owned(), |v| format!("{v:.digits$}"));
         let ms = |value| shown(value, 2);
         [
             s.set.clone(),

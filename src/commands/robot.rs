@@ -98,7 +98,9 @@ pub fn run(args: &RobotArgs) -> Result<Done> {
     let table = output::table(header, &[2, 3, 4, 5], rows);
     output::data(format_args!("{table}"))?;
     if let Some(reason) = unfit {
-        output::message(format_args!("it can be looked at here, but not take the Fetch's place in trials: {reason}"));
+        output::message(format_args!(
+            "it can be looked at here, but not take the Fetch's place in trials: {reason}"
+        ));
     }
     Ok(Done::Fully)
 }

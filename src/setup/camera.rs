@@ -31,7 +31,12 @@ impl HeadCamera {
     ///
     /// # Errors
     /// When the scene names no known noise.
-    pub fn new(scene: &Scene, intrinsics: Intrinsics, settings: &SensorSettings, seed: u64) -> grip_sim::Result<Self> {
+    pub fn new(
+        scene: &Scene,
+        intrinsics: Intrinsics,
+        settings: &SensorSettings,
+        seed: u64,
+    ) -> grip_sim::Result<Self> {
         let sensors = settings.sensors(&scene.camera.depth_noise)?;
         let furniture = render::furniture(&scene.fixtures(), scene.surroundings, seed);
         let bounce = Bounce::of(&scene.table, furniture.table_albedo);

@@ -73,7 +73,10 @@ pub(super) fn read_depth(path: &Path, unit_mm: f64) -> Result<DepthImage> {
         }
         other => Err(Error::invalid(
             path,
-            format!("is a picture of {:?}; depth must be 16-bit grey (L16), as RealSense and Kinect tools and BOP sets have it", other.color()),
+            format!(
+                "is a picture of {:?}; depth must be 16-bit grey (L16), as RealSense and Kinect tools and BOP sets have it",
+                other.color()
+            ),
         )),
     }
 }

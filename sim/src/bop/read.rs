@@ -423,7 +423,9 @@ fn picture_path(folder: &Path, kinds: &[&str], im_id: u32) -> Result<PathBuf> {
         });
         let also = kinds[1..].iter().map(|kind| format!(", nor one in {kind}/")).collect::<String>();
         let message = match other {
-            Some(other) => format!("no such file; {other} is there, but only .{} are read", ENDINGS.join(", .")),
+            Some(other) => {
+                format!("no such file; {other} is there, but only .{} are read", ENDINGS.join(", ."))
+            }
             None => format!(
                 "no such file, nor a .{}{also}; unpack the set's images, or leave this image out",
                 ENDINGS[1..].join(", .")

@@ -33,7 +33,8 @@ impl Staging {
 
     /// Writes a file in it. Errors name the final place.
     pub(super) fn write(&self, name: &str, bytes: &[u8]) -> Result<()> {
-        fs::write(self.building.path().join(name), bytes).map_err(|source| Error::io(self.target.join(name), source))
+        fs::write(self.building.path().join(name), bytes)
+            .map_err(|source| Error::io(self.target.join(name), source))
     }
 
     /// Where the folder will be.

@@ -30,7 +30,9 @@ fn plain(bytes: Cow<'_, [u8]>) -> Result<Cow<'_, str>, Cow<'_, [u8]>> {
         return Err(bytes);
     }
     match bytes {
-        Cow::Borrowed(bytes) => std::str::from_utf8(bytes).map(Cow::Borrowed).map_err(|_| Cow::Borrowed(bytes)),
+        Cow::Borrowed(bytes) => {
+            std::str::from_utf8(bytes).map(Cow::Borrowed).map_err(|_| Cow::Borrowed(bytes))
+        }
         Cow::Owned(bytes) => {
             String::from_utf8(bytes).map(Cow::Owned).map_err(|error| Cow::Owned(error.into_bytes()))
         }
@@ -94,7 +96,9 @@ mod tests {
 
     #[test]
     fn a_byte_order_mark_tells_the_encoding_and_is_no_letter() {
-        for bytes in ["\u{feff}größe = 1".as_bytes().to_vec(), utf16("größe = 1", true), utf16("größe = 1", false)] {
+        for bytes in
+            ["\u{feff}größe = 1".as_bytes().to_vec(), utf16("größe = 1", true), utf16("größe = 1", false)]
+        {
             assert_eq!(strict(bytes.clone().into()).unwrap(), "größe = 1");
             assert_eq!(lenient(bytes.into()), "größe = 1");
         }

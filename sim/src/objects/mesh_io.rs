@@ -5,14 +5,14 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use image::RgbImage;
-use nalgebra::{Point3, Vector3};
 use super::obj::{self, Obj};
 pub use super::ply::load_ply;
 use crate::files;
 use crate::mesh::{Material, Mesh, Visual};
 use crate::pictures;
 use crate::{Error, Result};
+use image::RgbImage;
+use nalgebra::{Point3, Vector3};
 
 /// Facets of a file without normals are shaded smoothly up to this angle, radians.
 const CREASE: f64 = 0.7;
@@ -25,8 +25,7 @@ const CREASE: f64 = 0.7;
 /// If the file, its material library or its texture is missing, cut off or wrong.
 pub fn load_obj(path: &Path) -> Result<Visual> {
     let invalid = |message: String| Error::invalid(path, message);
-    let Obj { models, materials, absent } =
-        obj::load(path)?;
+    let Obj { models, materials, absent } = obj::load(path)?;
     // What an object looks like matters, unlike a robot's link.
     if let Some(library) = absent {
         return Err(invalid(format!("its material library {library} is missing; it belongs beside the OBJ")));
@@ -224,21 +223,23 @@ mod tests {
 
     #[test]
     fn texture_coordinates_of_corners_are_read() {
-        let head = PLY_HEAD.replace("property float texture_u\nproperty float texture_v\n", "").replace(
-            "int vertex_indices\n",
-            "int vertex_indices\nproperty list uchar float texcoord\n",
-        );
+        let head = PLY_HEAD
+            .replace("property float texture_u\nproperty float texture_v\n", "")
+            .replace("int vertex_indices\n", "int vertex_indices\nproperty list uchar float texcoord\n");
         let body = "0 0 0\n1000 0 0\n1000 1000 0\n0 1000 0\n4 0 1 2 3 8 0 0 1 0 1 1 0 1\n";
         let (_keep, path) = folder("w.ply", format!("{head}{body}").as_bytes());
         check_square(&load_ply(&path, 1e-3).unwrap());
-        let (_keep, path) = folder("w.ply", format!("{head}{}", body.replace("8 0 0 1 0", "6 1 0")).as_bytes());
+        let (_keep, path) =
+            folder("w.ply", format!("{head}{}", body.replace("8 0 0 1 0", "6 1 0")).as_bytes());
         assert!(load_ply(&path, 1e-3).unwrap_err().to_string().contains("4 vertices, but 6 texture"));
     }
 
     #[test]
     fn a_closed_mesh_that_is_wound_inwards_is_turned() {
-        let turned = CUBE.replace("3 2 1 0", "0 1 2 3").replace("4 5 6 7", "7 6 5 4").replace("0 1 5 4", "4 5 1 0");
-        let turned = turned.replace("1 2 6 5", "5 6 2 1").replace("2 3 7 6", "6 7 3 2").replace("3 0 4 7", "7 4 0 3");
+        let turned =
+            CUBE.replace("3 2 1 0", "0 1 2 3").replace("4 5 6 7", "7 6 5 4").replace("0 1 5 4", "4 5 1 0");
+        let turned =
+            turned.replace("1 2 6 5", "5 6 2 1").replace("2 3 7 6", "6 7 3 2").replace("3 0 4 7", "7 4 0 3");
         for text in [CUBE.to_owned(), turned] {
             let (_keep, path) = folder("c.ply", text.as_bytes());
             let mesh = load_ply(&path, 1.0).unwrap().mesh;
@@ -260,7 +261,9 @@ mod tests {
     #[test]
     fn a_pointer_an_archive_and_a_page_are_no_meshes() {
         let pointer = "version https://git-lfs.github.com/spec/v1\noid sha256:00\nsize 1\n";
-        for (bytes, wanted) in [(pointer, "git lfs pull"), ("PK\u{3}\u{4}", "zip archive"), ("<html>", "HTML"), ("", "is empty")] {
+        for (bytes, wanted) in
+            [(pointer, "git lfs pull"), ("PK\u{3}\u{4}", "zip archive"), ("<html>", "HTML"), ("", "is empty")]
+        {
             let (_keep, path) = folder("a.ply", bytes.as_bytes());
             assert!(load_ply(&path, 1.0).unwrap_err().to_string().contains(wanted));
             let (_keep, path) = folder("a.obj", bytes.as_bytes());

@@ -86,7 +86,10 @@ pub(crate) fn parse(bytes: &[u8], unit_scale: f64) -> std::result::Result<(Mesh,
     };
     // What a face says of itself and no vertex does, its corners get, each one of its own.
     let of_faces = faces.first().map_or([false; 2], |face| {
-        [!colors && has(face, &["red", "green", "blue"]), texture.is_some() && whole.uvs.is_empty() && has(face, &["texcoord"])]
+        [
+            !colors && has(face, &["red", "green", "blue"]),
+            texture.is_some() && whole.uvs.is_empty() && has(face, &["texcoord"]),
+        ]
     });
     let mut apart = Mesh::default();
     for (index, face) in faces.iter().enumerate() {
@@ -108,7 +111,8 @@ pub(crate) fn parse(bytes: &[u8], unit_scale: f64) -> std::result::Result<(Mesh,
         let base = apart.positions.len() as u32;
         for &corner in &corners {
             let at = corner as usize;
-            let beyond = || format!("face {index} names vertex {corner} beyond the {} there are", vertices.len());
+            let beyond =
+                || format!("face {index} names vertex {corner} beyond the {} there are", vertices.len());
             apart.positions.push(*whole.positions.get(at).ok_or_else(beyond)?);
             apart.normals.extend(whole.normals.get(at));
             apart.colors.extend(whole.colors.get(at));

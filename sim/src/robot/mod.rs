@@ -41,9 +41,9 @@ mod mesh_part;
 mod primitives;
 mod resolve;
 mod stl;
-mod urdf;
 #[cfg(test)]
 mod tests;
+mod urdf;
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;

@@ -44,14 +44,20 @@ fn is_text(bytes: &[u8]) -> bool {
 
 fn of_binary(bytes: &[u8]) -> Result<Vec<Point3<f32>>, String> {
     let count = count(bytes).ok_or_else(|| {
-        format!("is no STL file: it does not begin with 'solid', and {} bytes are too few for a binary one", bytes.len())
+        format!(
+            "is no STL file: it does not begin with 'solid', and {} bytes are too few for a binary one",
+            bytes.len()
+        )
     })?;
     let (triangles, _) = bytes[HEADER..].as_chunks::<TRIANGLE>();
     if triangles.len() < count {
         return Err(format!("binary STL is cut off: {} of {count} triangles", triangles.len()));
     }
     if count == 0 && !triangles.is_empty() {
-        return Err(format!("binary STL says that it has no triangles, but goes on for {} bytes", bytes.len() - HEADER));
+        return Err(format!(
+            "binary STL says that it has no triangles, but goes on for {} bytes",
+            bytes.len() - HEADER
+        ));
     }
     let vertex = |bytes: &[u8]| {
         let (floats, _) = bytes.as_chunks::<4>();
@@ -100,7 +106,10 @@ fn of_text(text: &str) -> Result<Vec<Point3<f32>>, String> {
         }
     }
     if !ended || facet.is_some() {
-        return Err(format!("text STL is cut off after {} triangles: it has no 'endsolid'", positions.len() / 3));
+        return Err(format!(
+            "text STL is cut off after {} triangles: it has no 'endsolid'",
+            positions.len() / 3
+        ));
     }
     Ok(positions)
 }
@@ -118,7 +127,9 @@ mod tests {
         bytes.extend((triangles as u32).to_le_bytes());
         for _ in 0..triangles {
             bytes.extend([0; 12]);
-            bytes.extend([0.0f32, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0].into_iter().flat_map(f32::to_le_bytes));
+            bytes.extend(
+                [0.0f32, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0].into_iter().flat_map(f32::to_le_bytes),
+            );
             bytes.extend([0; 2]);
         }
         bytes
@@ -126,7 +137,8 @@ mod tests {
 
     #[test]
     fn the_same_triangle_however_it_is_written() {
-        let wide: Vec<u8> = std::iter::once(0xfeff).chain(TEXT.encode_utf16()).flat_map(u16::to_le_bytes).collect();
+        let wide: Vec<u8> =
+            std::iter::once(0xfeff).chain(TEXT.encode_utf16()).flat_map(u16::to_le_bytes).collect();
         let files: [(&str, Vec<u8>); 12] = [
             ("text", TEXT.into()),
             ("capitals", TEXT.to_uppercase().into()),
@@ -144,7 +156,11 @@ mod tests {
         let triangle = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]].map(Point3::from);
         for (what, bytes) in files {
             let mesh = load(&bytes).unwrap_or_else(|error| panic!("{what}: {error}"));
-            assert_eq!((mesh.positions.as_slice(), mesh.triangles.as_slice()), (&triangle[..], &[[0, 1, 2]][..]), "{what}");
+            assert_eq!(
+                (mesh.positions.as_slice(), mesh.triangles.as_slice()),
+                (&triangle[..], &[[0, 1, 2]][..]),
+                "{what}"
+            );
         }
         let two = load(format!("{TEXT}{}", TEXT.replace("solid", "SOLID")).as_bytes()).unwrap();
         assert_eq!(two.triangles, [[0, 1, 2], [3, 4, 5]]);

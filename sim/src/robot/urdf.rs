@@ -152,7 +152,10 @@ fn geometry(node: Node<'_, '_>) -> Result<()> {
             require(shape, &["filename"])?;
             numbers(shape, &[("scale", 3)])
         }
-        other => Err(format!("{}: <{other}> is not supported; box, cylinder, capsule, sphere and mesh are", about(node))),
+        other => Err(format!(
+            "{}: <{other}> is not supported; box, cylinder, capsule, sphere and mesh are",
+            about(node)
+        )),
     }
 }
 
@@ -219,7 +222,9 @@ fn numbers(node: Node<'_, '_>, attributes: &[(&str, usize)]) -> Result<()> {
         let Some(text) = node.attribute(name) else { continue };
         let wrong = |what: String| format!("{}: {name}=\"{text}\": {what}", about(node));
         if text.contains("${") || text.contains("$(") {
-            return Err(wrong("a xacro expression; expand it first: xacro FILE.urdf.xacro > FILE.urdf".into()));
+            return Err(wrong(
+                "a xacro expression; expand it first: xacro FILE.urdf.xacro > FILE.urdf".into(),
+            ));
         }
         let words: Vec<&str> = text.split_whitespace().collect();
         if let Some(word) = words.iter().find(|word| word.parse::<f64>().is_err()) {
@@ -274,18 +279,50 @@ mod tests {
     fn what_is_wrong_is_named_with_its_element_value_and_line() {
         let limit = "<limit lower=\"0\" upper=\"0.4\" velocity=\"1\" effort=\"5\"/>";
         for (from, to, wanted) in [
-            ("velocity=\"1\"", "velocity=\"fast\"", "joint 'slide', <limit>, line 8: velocity=\"fast\": 'fast' is no number"),
-            ("axis xyz=\"1 0 0\"", "axis xyz=\"1 a 0 0\"", "joint 'slide', <axis>, line 7: xyz=\"1 a 0 0\": 'a' is no number"),
-            ("scale=\"1 1 1\"", "scale=\"0.001\"", "link 'base', <mesh>, line 4: scale=\"0.001\": is one number, not 3"),
-            ("rgba=\"1 0 0 1\"", "rgba=\"1 0 0\"", "material 'red', <color>, line 2: rgba=\"1 0 0\": are 3 numbers, not 4"),
-            ("xyz=\"0 0 1\"", "xyz=\"${x} 0 0\"", "link 'base', <origin>, line 4: xyz=\"${x} 0 0\": a xacro expression"),
-            ("<inertia ixx=\"1\" ixy=\"0\" ixz=\"0\" iyy=\"1\" iyz=\"0\" izz=\"1\"/>", "", "link 'base', <inertial>, line 3: has no <inertia>"),
+            (
+                "velocity=\"1\"",
+                "velocity=\"fast\"",
+                "joint 'slide', <limit>, line 8: velocity=\"fast\": 'fast' is no number",
+            ),
+            (
+                "axis xyz=\"1 0 0\"",
+                "axis xyz=\"1 a 0 0\"",
+                "joint 'slide', <axis>, line 7: xyz=\"1 a 0 0\": 'a' is no number",
+            ),
+            (
+                "scale=\"1 1 1\"",
+                "scale=\"0.001\"",
+                "link 'base', <mesh>, line 4: scale=\"0.001\": is one number, not 3",
+            ),
+            (
+                "rgba=\"1 0 0 1\"",
+                "rgba=\"1 0 0\"",
+                "material 'red', <color>, line 2: rgba=\"1 0 0\": are 3 numbers, not 4",
+            ),
+            (
+                "xyz=\"0 0 1\"",
+                "xyz=\"${x} 0 0\"",
+                "link 'base', <origin>, line 4: xyz=\"${x} 0 0\": a xacro expression",
+            ),
+            (
+                "<inertia ixx=\"1\" ixy=\"0\" ixz=\"0\" iyy=\"1\" iyz=\"0\" izz=\"1\"/>",
+                "",
+                "link 'base', <inertial>, line 3: has no <inertia>",
+            ),
             ("<mass value=\"1\"/>", "<mass/>", "link 'base', <mass>, line 3: has no value"),
-            ("type=\"prismatic\"", "type=\"sliding\"", "joint 'slide', line 6: type 'sliding' is none of revolute"),
+            (
+                "type=\"prismatic\"",
+                "type=\"sliding\"",
+                "joint 'slide', line 6: type 'sliding' is none of revolute",
+            ),
             ("<parent link=\"base\"/>", "", "joint 'slide', line 6: has no <parent>"),
             (limit, "", "joint 'slide', line 6: has no <limit>"),
             (limit, &format!("{limit}{limit}"), "joint 'slide', line 6: has more than one <limit>"),
-            ("<box size=\"1 1 1\"/>", "<cone/>", "link 'drawer', <geometry>, line 5: <cone> is not supported"),
+            (
+                "<box size=\"1 1 1\"/>",
+                "<cone/>",
+                "link 'drawer', <geometry>, line 5: <cone> is not supported",
+            ),
             ("<box size=\"1 1 1\"/>", "", "link 'drawer', <geometry>, line 5: has 0 shapes"),
             ("<link name=\"drawer\">", "<link>", "link 'without a name', line 5: has no name"),
             ("</robot>", "", "is no whole XML"),

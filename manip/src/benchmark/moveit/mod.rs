@@ -144,7 +144,8 @@ pub fn load_problem(
     {
         let JointState { name, position, .. } = &state.joint_state;
         if name.len() != position.len() {
-            let reason = format!("{field}.joint_state: {} names, but {} positions", name.len(), position.len());
+            let reason =
+                format!("{field}.joint_state: {} names, but {} positions", name.len(), position.len());
             return Err(problem(file, reason));
         }
         for (name, position) in name.iter().zip(position) {
@@ -234,10 +235,15 @@ fn obstacles_of(scene: &Path, base: &str) -> Result<Obstacles, ProblemError> {
             _ => false,
         };
         if !adds {
-            return Err(fail(format!("operation: {}; objects can be added (0), and nothing else", object.operation)));
+            return Err(fail(format!(
+                "operation: {}; objects can be added (0), and nothing else",
+                object.operation
+            )));
         }
         if [&allowed.entry_names, &allowed.default_entry_names].into_iter().any(|n| n.contains(&object.id)) {
-            return Err(fail("allowed_collision_matrix: names it; what may be touched is not supported".into()));
+            return Err(fail(
+                "allowed_collision_matrix: names it; what may be touched is not supported".into(),
+            ));
         }
         if !object.header.frame_id.is_empty() && object.header.frame_id != *base {
             return Err(fail(format!(
@@ -269,7 +275,9 @@ fn obstacles_of(scene: &Path, base: &str) -> Result<Obstacles, ProblemError> {
 /// An error for the first that is not empty.
 fn refuse(file: &Path, refused: &[(&str, &Refused)]) -> Result<(), ProblemError> {
     match refused.iter().find(|(_, refused)| !refused.is_empty()) {
-        Some((field, _)) => Err(problem(file, format!("{field}: not supported; it would change the problem"))),
+        Some((field, _)) => {
+            Err(problem(file, format!("{field}: not supported; it would change the problem")))
+        }
         None => Ok(()),
     }
 }
@@ -439,7 +447,8 @@ goal_constraints:
     /// MoveIt since 2020: an object has a pose, and its shapes are relative to it.
     #[test]
     fn an_objects_own_pose_moves_its_shapes() {
-        let turned = "pose: {position: [0.8, 0, 0.5], orientation: [0, 0, 0.7071067811865476, 0.7071067811865476]}";
+        let turned =
+            "pose: {position: [0.8, 0, 0.5], orientation: [0, 0, 0.7071067811865476, 0.7071067811865476]}";
         let before = load(SCENE, REQUEST).unwrap();
         let relative = SCENE
             .replace("header: {frame_id", &format!("{turned}\n      header: {{frame_id"))
@@ -466,15 +475,27 @@ goal_constraints:
              link_padding: []\nis_diff: false\nrobot_state: {{attached_collision_objects: [], is_diff: false}}\nobject_colors: []\n"
         );
         assert_eq!(load(&empty, REQUEST).unwrap().obstacles.len(), 2);
-        let request = format!("{REQUEST}path_constraints: {{name: '', joint_constraints: []}}\ntrajectory_constraints: {{constraints: []}}\n");
+        let request = format!(
+            "{REQUEST}path_constraints: {{name: '', joint_constraints: []}}\ntrajectory_constraints: {{constraints: []}}\n"
+        );
         load(SCENE, &request).unwrap();
-        let in_object = |field: &str| SCENE.replace("header: {frame_id", &format!("{field}\n      header: {{frame_id"));
+        let in_object =
+            |field: &str| SCENE.replace("header: {frame_id", &format!("{field}\n      header: {{frame_id"));
         for (scene, wanted) in [
-            (format!("{SCENE}  octomap: {{octomap: {{id: OcTree, data: [0, 5]}}}}\n"), "world.octomap: not supported"),
-            (format!("{SCENE}link_padding: [{{link_name: gripper_link, padding: 0.1}}]\n"), "link_padding: not supported"),
+            (
+                format!("{SCENE}  octomap: {{octomap: {{id: OcTree, data: [0, 5]}}}}\n"),
+                "world.octomap: not supported",
+            ),
+            (
+                format!("{SCENE}link_padding: [{{link_name: gripper_link, padding: 0.1}}]\n"),
+                "link_padding: not supported",
+            ),
             (format!("{SCENE}is_diff: true\n"), "is_diff: not supported"),
             (format!("{SCENE}weather: fine\n"), "weather"),
-            (format!("{SCENE}allowed_collision_matrix: {{entry_names: [shelf]}}\n"), "\"shelf\": allowed_collision_matrix"),
+            (
+                format!("{SCENE}allowed_collision_matrix: {{entry_names: [shelf]}}\n"),
+                "\"shelf\": allowed_collision_matrix",
+            ),
             (in_object("operation: 1"), "\"shelf\": operation: 1"),
             (in_object("operation: remove"), "\"shelf\": operation: \"remove\""),
             (in_object("meshes: [{vertices: []}]"), "\"shelf\": meshes"),
@@ -485,19 +506,43 @@ goal_constraints:
             assert!(error.contains("scene0001.yaml") && error.contains(wanted), "{wanted}: {error}");
         }
         for (request, wanted) in [
-            (format!("{REQUEST}path_constraints: {{orientation_constraints: [{{weight: 1}}]}}\n"), "path_constraints.orientation_constraints"),
-            (format!("{REQUEST}path_constraints: {{joint_constraints: [{{joint_name: a, position: 1}}]}}\n"), "path_constraints.joint_constraints"),
-            (REQUEST.replace("  - joint_constraints:", "  - position_constraints: [1]\n    joint_constraints:"), "goal_constraints.position_constraints"),
-            (format!("{REQUEST}      - {{joint_name: head_pan_joint, position: 0.5}}\n"), "head_pan_joint is not in the group"),
-            (format!("{REQUEST}      - {{joint_name: elbow_flex_joint, position: 0.5}}\n"), "elbow_flex_joint stands there twice"),
+            (
+                format!("{REQUEST}path_constraints: {{orientation_constraints: [{{weight: 1}}]}}\n"),
+                "path_constraints.orientation_constraints",
+            ),
+            (
+                format!(
+                    "{REQUEST}path_constraints: {{joint_constraints: [{{joint_name: a, position: 1}}]}}\n"
+                ),
+                "path_constraints.joint_constraints",
+            ),
+            (
+                REQUEST.replace(
+                    "  - joint_constraints:",
+                    "  - position_constraints: [1]\n    joint_constraints:",
+                ),
+                "goal_constraints.position_constraints",
+            ),
+            (
+                format!("{REQUEST}      - {{joint_name: head_pan_joint, position: 0.5}}\n"),
+                "head_pan_joint is not in the group",
+            ),
+            (
+                format!("{REQUEST}      - {{joint_name: elbow_flex_joint, position: 0.5}}\n"),
+                "elbow_flex_joint stands there twice",
+            ),
             (REQUEST.replace("shoulder_pan_joint, head", "shoulder_pan, head"), "'shoulder_pan'"),
-            (REQUEST.replace("wrist_roll_joint, shoulder", "shoulder").replace("1.5, 0.9", "1.5"), "wrist_roll_joint is missing, here and in"),
+            (
+                REQUEST.replace("wrist_roll_joint, shoulder", "shoulder").replace("1.5, 0.9", "1.5"),
+                "wrist_roll_joint is missing, here and in",
+            ),
         ] {
             let error = load(SCENE, &request).unwrap_err().to_string();
             assert!(error.contains("request0001.yaml") && error.contains(wanted), "{wanted}: {error}");
         }
         // What the request leaves out, the scene may have.
-        let scene = format!("{SCENE}robot_state: {{joint_state: {{name: [wrist_roll_joint], position: [0.9]}}}}\n");
+        let scene =
+            format!("{SCENE}robot_state: {{joint_state: {{name: [wrist_roll_joint], position: [0.9]}}}}\n");
         let request = REQUEST.replace("wrist_roll_joint, shoulder", "shoulder").replace("1.5, 0.9", "1.5");
         load(&scene, &request).unwrap();
         assert!(load("", REQUEST).unwrap_err().to_string().contains("is empty"));

@@ -84,9 +84,9 @@ impl<'a> Reader<'a> {
     fn numbers<const N: usize>(&mut self) -> Result<[f64; N], String> {
         let line = self.line("a number")?;
         let numbers: Option<Vec<f64>> = line.split_whitespace().map(|word| word.parse().ok()).collect();
-        numbers
-            .and_then(|numbers| numbers.try_into().ok())
-            .ok_or_else(|| self.wrong(&format!("'{}' is not {N} number{}", line.trim(), if N == 1 { "" } else { "s" })))
+        numbers.and_then(|numbers| numbers.try_into().ok()).ok_or_else(|| {
+            self.wrong(&format!("'{}' is not {N} number{}", line.trim(), if N == 1 { "" } else { "s" }))
+        })
     }
 
     fn pose(&mut self) -> Result<Isometry3<f64>, String> {

@@ -39,7 +39,11 @@ impl Reader<'_> {
             self.tensor(tensor)?;
         }
         for attribute in graph.node.iter_mut().flat_map(|node| &mut node.attribute) {
-            attribute.t.iter_mut().chain(&mut attribute.tensors).try_for_each(|tensor| self.tensor(tensor))?;
+            attribute
+                .t
+                .iter_mut()
+                .chain(&mut attribute.tensors)
+                .try_for_each(|tensor| self.tensor(tensor))?;
             attribute.g.iter_mut().chain(&mut attribute.graphs).try_for_each(|graph| self.graph(graph))?;
         }
         Ok(())
@@ -63,7 +67,8 @@ impl Reader<'_> {
         let (offset, length) = (place("offset")?.unwrap_or(0), place("length")?);
         let file = entry("location").ok_or_else(|| about("are in a file that is not named".into()))?;
         // A model names files beside it, and none elsewhere.
-        if !Path::new(&file).components().all(|part| matches!(part, Component::Normal(_) | Component::CurDir)) {
+        if !Path::new(&file).components().all(|part| matches!(part, Component::Normal(_) | Component::CurDir))
+        {
             return Err(about(format!("are in '{file}', which is not beside the model")));
         }
         if !self.files.contains_key(&file) {

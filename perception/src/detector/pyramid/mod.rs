@@ -10,8 +10,9 @@
 //! were made and what they are worth.
 
 mod description;
-mod heatmaps;
 mod external;
+mod heatmaps;
+mod rehearsal;
 mod runtime;
 mod settings;
 #[cfg(test)]
@@ -94,7 +95,7 @@ impl PyramidCnn {
         let (model, description) = which.files();
         let shown = format!("the built-in detector `{}`", which.name());
         let description = DetectorDescription::parse(description, &shown)?;
-        let network = Network::load(model, &shown, &description, providers)?;
+        let network = Network::load(model, &shown, &description, providers, true)?;
         Ok(Self { description: Arc::new(description), network, settings: PyramidSettings::default() })
     }
 
@@ -109,7 +110,8 @@ impl PyramidCnn {
         let shown = path.display().to_string();
         let bytes = files::read(path).map_err(|e| Error::Detector(e.to_string()))?;
         let folder = path.parent().unwrap_or(Path::new("."));
-        let model = external::inlined(&bytes, folder).map_err(|e| Error::Detector(format!("{shown}: {e}")))?;
+        let model =
+            external::inlined(&bytes, folder).map_err(|e| Error::Detector(format!("{shown}: {e}")))?;
         let beside = path.with_extension("json");
         let text = files::read_to_string(&beside).map_err(|e| {
             Error::Detector(format!(
@@ -117,7 +119,7 @@ impl PyramidCnn {
             ))
         })?;
         let description = DetectorDescription::parse(&text, &beside.display().to_string())?;
-        let network = Network::load(&model, &shown, &description, providers)?;
+        let network = Network::load(&model, &shown, &description, providers, false)?;
         Ok(Self { description: Arc::new(description), network, settings: PyramidSettings::default() })
     }
 

@@ -15,6 +15,7 @@ use sha2::{Digest, Sha256};
 use tract_onnx::pb::{ModelProto, TensorShapeProto, ValueInfoProto, tensor_shape_proto, type_proto};
 
 use super::description::DetectorDescription;
+use super::rehearsal::rehearse;
 use crate::error::{Error, Result};
 
 /// Names a native ONNX Runtime, such as `/usr/lib/libonnxruntime.so`.
@@ -105,12 +106,13 @@ impl fmt::Debug for Network {
 }
 
 impl Network {
-    /// Loads a model and tries it on a grey image; `file` is for messages.
+    /// Loads a model and tries it on a grey image; `file` is for messages. One that is not `ours` is rehearsed before.
     pub fn load(
         model: &[u8],
         file: &str,
         description: &DetectorDescription,
         providers: &Providers,
+        ours: bool,
     ) -> Result<Self> {
         let native = runtime()?.native;
         if !native && providers.0.iter().any(|name| name != "cpu") {
@@ -131,9 +133,15 @@ impl Network {
             native,
             sessions: Mutex::default(),
         };
-        network.check(&network.session(model)?)?;
         // No whole number of cells: these are cut off.
         let (width, height) = (8 * network.stride + 3, 6 * network.stride + 1);
+        if !ours && !native {
+            let of_size = network.of_size([width, height])?;
+            for (model, size) in [(model, None), (&*of_size, Some([width, height]))] {
+                rehearse(model, size).map_err(|message| network.wrong(&message))?;
+            }
+        }
+        network.check(&network.session(model)?)?;
         network.run(vec![0.5; 3 * width * height], width, height)?;
         Ok(network)
     }

@@ -223,3 +223,59 @@ fn providers_need_a_native_runtime() {
     let error = PyramidCnn::built_in(BuiltInNetwork::default(), &asked).unwrap_err().to_string();
     assert!(error.contains("cuda") && error.contains("ORT_DYLIB_PATH"), "{error}");
 }
+
+/// PyTorch's exporter keeps weights in `NAME.onnx.data` beside the model.
+#[test]
+fn a_network_with_its_weights_in_a_file_beside_it_is_the_same_network() {
+    use prost::Message;
+    use tract_onnx::pb::tensor_proto::DataLocation;
+    use tract_onnx::pb::{ModelProto, StringStringEntryProto};
+
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name);
+    let mut proto = ModelProto::decode(MODEL).unwrap();
+    let mut weights: Vec<u8> = Vec::new();
+    for tensor in &mut proto.graph.as_mut().unwrap().initializer {
+        let raw = std::mem::take(&mut tensor.raw_data);
+        if raw.is_empty() {
+            continue;
+        }
+        let entry = |key: &str, value: String| StringStringEntryProto { key: key.into(), value };
+        tensor.data_location = Some(DataLocation::External as i32);
+        tensor.external_data = vec![
+            entry("location", "split.onnx.data".into()),
+            entry("offset", weights.len().to_string()),
+            entry("length", raw.len().to_string()),
+        ];
+        weights.extend(raw);
+    }
+    assert!(weights.len() > 100_000);
+    for (name, bytes) in [("whole", MODEL), ("split", &proto.encode_to_vec())] {
+        std::fs::write(path(&format!("{name}.onnx")), bytes).unwrap();
+        std::fs::write(path(&format!("{name}.json")), DESCRIPTION).unwrap();
+    }
+    std::fs::write(path("split.onnx.data"), &weights).unwrap();
+    let open = |name: &str| PyramidCnn::open(&path(name), &Providers::default());
+    let image = picture(160, 120);
+    let [whole, split] = ["whole.onnx", "split.onnx"].map(|name| open(name).unwrap().look(&image).unwrap());
+    assert!(whole.maps.iter().zip(&split.maps).all(|(a, b)| a.classes == b.classes && a.shapes == b.shapes));
+
+    let refused = |wanted: &[&str]| {
+        let error = open("split.onnx").unwrap_err().to_string();
+        assert!(wanted.iter().all(|part| error.contains(part)), "{wanted:?}: {error}");
+    };
+    std::fs::write(path("split.onnx.data"), &weights[..weights.len() / 2]).unwrap();
+    refused(&["split.onnx", "'split.onnx.data'", "bytes; copy it again"]);
+    std::fs::remove_file(path("split.onnx.data")).unwrap();
+    refused(&["split.onnx.data: No such file", "one file"]);
+    // A model must not read what is elsewhere.
+    for tensor in &mut proto.graph.as_mut().unwrap().initializer {
+        tensor
+            .external_data
+            .iter_mut()
+            .filter(|e| e.key == "location")
+            .for_each(|e| e.value = "../secret".into());
+    }
+    std::fs::write(path("split.onnx"), proto.encode_to_vec()).unwrap();
+    refused(&["'../secret'", "not beside the model"]);
+}

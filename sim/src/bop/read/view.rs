@@ -28,8 +28,7 @@ impl Dataset {
         let folder = self.scene_folder(scene_id);
         let camera = camera(&folder, &scene, im_id)?;
         let depth_path = depth_path(&folder, im_id).ok();
-        let depth =
-            depth_path.as_ref().map(|path| read_depth(path, &folder, im_id, camera)).transpose()?;
+        let depth = depth_path.as_ref().map(|path| read_depth(path, &folder, im_id, camera)).transpose()?;
         let mut size = depth.as_ref().map(|depth| [depth.width(), depth.height()]);
         if let Ok(rgb_path) = rgb_path(&folder, im_id) {
             // Its header tells.
