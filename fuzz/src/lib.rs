@@ -17,6 +17,7 @@ use grip_manip::grasp::read_poses;
 use grip_perception::{Providers, PyramidCnn};
 use grip_sim::bop::Dataset;
 use grip_sim::bop::results::read_results;
+use grip_sim::camera::Intrinsics;
 use grip_sim::condition::ConditionSpec;
 use grip_sim::files;
 use grip_sim::objects::{mesh_io, table};
@@ -233,7 +234,7 @@ fn network(folder: &Path) {
 }
 
 /// All of them.
-pub const TARGETS: [Target; 16] = [
+pub const TARGETS: [Target; 17] = [
     Target { name: "urdf", files: &["r.urdf"], beside: nothing, read: robot },
     Target { name: "stl", files: &["m.stl"], beside: |folder| with_robot(folder, "m.stl"), read: robot },
     Target { name: "dae", files: &["m.dae"], beside: |folder| with_robot(folder, "m.dae"), read: robot },
@@ -262,6 +263,12 @@ pub const TARGETS: [Target; 16] = [
     Target { name: "moveit-request", files: &["request0001.yaml"], beside: problem, read: moveit },
     Target { name: "moveit-text", files: &["scene0001.scene"], beside: problem, read: moveit },
     Target { name: "toml", files: &TOML, beside: nothing, read: toml },
+    Target {
+        name: "camera-info",
+        files: &["c.yaml"],
+        beside: nothing,
+        read: |_, file| outcome(Intrinsics::load_ros(file)),
+    },
     Target {
         name: "onnx",
         files: &NETWORK,

@@ -10,6 +10,7 @@ use grip_manip::Planner;
 use grip_manip::grasp::GraspSet;
 use grip_perception::HypothesisRenderer;
 use grip_physics::{Accept, Dropped, World, drop_objects};
+use grip_sim::camera::Intrinsics;
 use grip_sim::condition::{Condition, ConditionSpec};
 use grip_sim::frame::CameraFrame;
 use grip_sim::objects::{ObjectLibrary, ObjectModel, resolve_set};
@@ -109,10 +110,12 @@ impl Setup {
             .par_iter()
             .map(|name| library.load(name).with_context(|| format!("{}: objects.names", path.display())))
             .collect::<Result<Vec<_>>>()?;
-        let intrinsics = cell
-            .config
-            .intrinsics(&cell.robot, cell.scene.camera.intrinsics.as_deref())
-            .with_context(|| format!("{}: camera.intrinsics", path.display()))?;
+        let name = cell.scene.camera.intrinsics.as_deref();
+        let intrinsics = match name.filter(|name| name.ends_with(".yaml") || name.ends_with(".yml")) {
+            Some(file) => Intrinsics::load_ros(&cell.folder.join(file)),
+            None => cell.config.intrinsics(&cell.robot, name),
+        };
+        let intrinsics = intrinsics.with_context(|| format!("{}: camera.intrinsics", path.display()))?;
         let camera = HeadCamera::new(&cell.scene, intrinsics, &settings.sensor, *seed)
             .with_context(|| format!("{}: camera.depth_noise", path.display()))?;
         Ok(Self {

@@ -398,6 +398,34 @@ fn places_of_objects_that_cannot_be_are_said_at_once() {
 }
 
 #[test]
+fn a_scene_takes_the_intrinsics_that_it_names() {
+    let folder = tempfile::tempdir().unwrap();
+    fs::write(
+        folder.path().join("mine.yaml"),
+        "image_width: 320\nimage_height: 240\ncamera_matrix: {rows: 3, cols: 3, data: [280.5, 0, 160, 0, 281, 119.5, 0, 0, 1]}\n",
+    )
+    .unwrap();
+    let out = folder.path().join("out");
+    let render = |name: &str| {
+        let named = format!("intrinsics = {name:?}");
+        let scene = edited_scene(folder.path(), |text| text.replace("intrinsics = \"fetch\"", &named));
+        grip(&["render", text(&scene), "--renderer", "cpu", "--out", text(&out)])
+    };
+    let camera = |name: &str| {
+        done(&render(name));
+        let file: serde_json::Value =
+            serde_json::from_str(&fs::read_to_string(out.join("camera.json")).unwrap()).unwrap();
+        let size = image::image_dimensions(out.join("rgb.png")).unwrap();
+        let k = &file["intrinsics"];
+        (size, ["fx", "fy", "cx", "cy"].map(|name| k[name].as_f64().unwrap()))
+    };
+    assert_eq!(camera("mine.yaml"), ((320, 240), [280.5, 281.0, 160.0, 119.5]));
+    assert_eq!(camera("grip-paper"), ((640, 480), [542.556, 542.556, 322.065, 222.214]));
+    refused(&render("zed"), &["camera.intrinsics", "[camera.intrinsics.zed]", "fetch, grip-paper"]);
+    refused(&render("none.yaml"), &["camera.intrinsics", "none.yaml"]);
+}
+
+#[test]
 fn the_friction_of_a_sweep_is_that_of_the_contact() {
     let folder = tempfile::tempdir().unwrap();
     let held = |friction: &str| {
