@@ -19,6 +19,8 @@ use crate::{Error, Result};
 
 /// Pixels a side: more than any camera delivers, and less than a broken header says.
 const LARGEST: u32 = 16_384;
+/// Pixels altogether: what decoding takes stays under a gigabyte.
+const MOST_PIXELS: u64 = 100_000_000;
 /// Gamma of sRGB as PNG files say it, and how far others may be from it.
 const SRGB_GAMMA: f32 = 0.454_55;
 const SRGB_GAMMA_OFF: f32 = 0.02;
@@ -114,10 +116,19 @@ pub(crate) fn decode(bytes: &[u8]) -> std::result::Result<Picture, String> {
     limits.max_image_height = Some(LARGEST);
     reader.limits(limits);
     let mut decoder = reader.into_decoder().map_err(|error| broken(&error))?;
+    let (width, height) = decoder.dimensions();
+    check_size(width.into(), height.into()).map_err(|error| broken(&error))?;
     let orientation = decoder.orientation().map_err(|error| broken(&error))?;
     let image = DynamicImage::from_decoder(decoder).map_err(|error| broken(&error))?;
     let gamma = if format == ImageFormat::Png { gamma(bytes) } else { None };
     Ok(Picture { image, orientation, gamma })
+}
+
+fn check_size(width: u64, height: u64) -> std::result::Result<(), String> {
+    if width * height > MOST_PIXELS {
+        return Err(format!("{width}x{height} pixels are more than the {MOST_PIXELS} that are supported"));
+    }
+    Ok(())
 }
 
 /// `image` never asks this decoder to be strict, and without an end marker it takes a picture for whole.
@@ -133,6 +144,11 @@ fn jpeg(bytes: &[u8]) -> std::result::Result<Picture, String> {
     decoder.set_options(strict.jpeg_set_out_colorspace(color));
     let orientation = decoder.exif().and_then(|chunk| Orientation::from_exif_chunk(chunk));
     let (width, height) = decoder.info().map(|info| (info.width, info.height)).ok_or("it has no size")?;
+    check_size(width.into(), height.into())?;
+    // A block of 64 pixels takes a bit at the very least.
+    if u64::from(width) * u64::from(height) > 64 * 8 * bytes.len() as u64 {
+        return Err(format!("it has {} bytes for {width}x{height} pixels", bytes.len()));
+    }
     let pixels = decoder.decode().map_err(text)?;
     // At the end marker the decoder goes on with zeros as long as it lacks pixels: whether it did, other bytes show in their place.
     let longer = [&bytes[..end], &[0x5a; 256], &bytes[end..]].concat();
@@ -358,5 +374,10 @@ mod tests {
             bytes
         };
         refused(&huge, "PNG");
+        // A JPEG of a few bytes that says to be large is no work.
+        let mut bytes = encoded(&corners().into(), ImageFormat::Jpeg);
+        let frame = bytes.windows(2).position(|pair| pair == [0xff, 0xc0]).unwrap();
+        bytes[frame + 5..frame + 9].copy_from_slice(&[0x20, 0, 0x20, 0]);
+        refused(&bytes, "bytes for 8192x8192 pixels");
     }
 }

@@ -169,3 +169,16 @@ pub fn table_of(header: Vec<String>, right: &[usize], rows: Vec<Vec<String>>) ->
     }
     table.trim_fmt()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_left_is_told_by_what_was_done_and_not_before() {
+        let left = |done, rest| left(Duration::from_secs(10), done, rest);
+        assert_eq!(left(0, 12), "", "nothing is known before the first piece");
+        assert_eq!(left(2, 6), ", 30 seconds left");
+        assert_eq!(left(12, 0), "");
+    }
+}

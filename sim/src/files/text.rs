@@ -42,14 +42,60 @@ fn plain(bytes: Cow<'_, [u8]>) -> Result<Cow<'_, str>, Cow<'_, [u8]>> {
 /// An XML document in the encoding that it declares.
 ///
 /// # Errors
-/// If it declares one that is not known, or is written in another.
+/// If it declares one that is not known, or is written in another, or is nested so deeply that readers run out of stack.
 pub(crate) fn xml(bytes: Cow<'_, [u8]>) -> Result<Cow<'_, str>, String> {
     let declared = declaration(&bytes).unwrap_or("UTF-8");
     let encoding = Encoding::for_label(declared.as_bytes())
         .ok_or_else(|| format!("declares the encoding '{declared}', which is not known; save it as UTF-8"))?;
     // UTF-16 declares itself by its byte order mark; what declares it without one is ASCII, or this would not have been read.
     let encoding = if encoding.is_ascii_compatible() { encoding } else { UTF_8 };
-    decoded(bytes, encoding)
+    let text = decoded(bytes, encoding)?;
+    if nested_deeper_than(&text, DEEPEST) {
+        return Err(format!("has elements nested more than {DEEPEST} deep; it is damaged"));
+    }
+    Ok(text)
+}
+
+/// Elements within elements; robots and scenes have a tenth of it.
+const DEEPEST: usize = 256;
+
+fn nested_deeper_than(xml: &str, most: usize) -> bool {
+    let (mut rest, mut depth) = (xml, 0usize);
+    while let Some(at) = rest.find('<') {
+        rest = &rest[at..];
+        let skipped = [("<!--", "-->"), ("<![CDATA[", "]]>"), ("<?", "?>")];
+        if let Some((_, end)) = skipped.iter().find(|(begin, _)| rest.starts_with(begin)) {
+            rest = rest.split_once(end).map_or("", |(_, after)| after);
+            continue;
+        }
+        // A tag ends at a `>` that is in no attribute's value.
+        let mut quote = None;
+        let end = rest.bytes().position(|byte| match (quote, byte) {
+            (None, b'"' | b'\'') => {
+                quote = Some(byte);
+                false
+            }
+            (Some(open), _) => {
+                if open == byte {
+                    quote = None;
+                }
+                false
+            }
+            (None, _) => byte == b'>',
+        });
+        let Some(end) = end else { return false };
+        let tag = &rest[..end];
+        if tag.starts_with("</") {
+            depth = depth.saturating_sub(1);
+        } else if !tag.starts_with("<!") && !tag.ends_with('/') {
+            depth += 1;
+            if depth > most {
+                return true;
+            }
+        }
+        rest = &rest[end + 1..];
+    }
+    false
 }
 
 /// A byte order mark goes before `encoding`.
@@ -111,6 +157,21 @@ mod tests {
         assert!(error.contains("0xfc in line 2") && error.contains("UTF-8"), "{error}");
         assert_eq!(lenient(b"# f\xfcr\n".as_slice().into()), "# für\n");
         assert_eq!(lenient("# für\n".as_bytes().into()), "# für\n");
+    }
+
+    /// A reader that descends by calling itself ends the program at a hundred thousand elements in each other.
+    #[test]
+    fn xml_that_is_nested_too_deeply_is_refused_and_what_only_looks_so_is_not() {
+        let nested = |n: usize| format!("<r>{}{}</r>", "<a>".repeat(n), "</a>".repeat(n));
+        assert!(xml(nested(100_000).into_bytes().into()).unwrap_err().contains("256 deep"));
+        assert!(
+            xml(nested(DEEPEST).into_bytes().into()).is_err()
+                && xml(nested(DEEPEST - 1).into_bytes().into()).is_ok()
+        );
+        let flat = "<!-- <a> --><a b='>' c=\"/>'>\"/><![CDATA[<a>]]><a></a><?a <a>?>".repeat(1000);
+        assert!(xml(format!("<r>{flat}</r>").into_bytes().into()).is_ok());
+        // Tags that never end are told by who parses.
+        assert!(xml("<a ".repeat(1000).into_bytes().into()).is_ok());
     }
 
     #[test]
