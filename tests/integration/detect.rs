@@ -139,7 +139,7 @@ fn what_is_wrong_is_said_by_name() {
         (&["black.png", "--detector-model", "paper"], &["paper", "varied, base or"]),
         (&["black.png", "--providers", "cuda"], &["cuda", "ORT_DYLIB_PATH"]),
         (&["black.png", "--least-confidence", "2"], &["--least-confidence", "2"]),
-        (&["black.png", "--heatmaps", "no/a.png"], &["no/a.png"]),
+        (&["black.png", "--heatmaps", "text.png/a.png"], &["text.png/a.png", "another place"]),
         (&["black.png", "--out", "boxes.json"], &["--out", "black.png"]),
     ];
     for (args, parts) in cases {

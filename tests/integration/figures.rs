@@ -213,8 +213,8 @@ fn accuracy_curves_are_as_many_as_files_and_their_areas_are_the_tables() {
         table.contains(text(&one)) && table.contains(text(&two)) && table.matches("view D1").count() == 2
     );
 
-    let nowhere = folder.path().join("no/such/folder.svg");
-    refused(&["eval", text(&set), text(&one), "--figure", text(&nowhere)], "no such folder");
+    let nowhere = one.join("folder.svg");
+    refused(&["eval", text(&set), text(&one), "--figure", text(&nowhere)], "another place");
     refused(&["eval", text(&set), text(&one), "--figure", text(folder.path())], "is a folder");
     refused(&["eval", text(&set), text(&one), text(&two), "--errors", "e.csv"], "for one results file");
     let many = [&["eval", text(&set)][..], &[text(&one); 8], &["--figure", text(&out)]].concat();
@@ -280,8 +280,11 @@ fn convergence_ends_where_an_estimate_does() {
     with(&["--scene", "1", "--image", "7"], "scene 1 has no image 7; it has 0");
     with(&["--scene", "1", "--image", "0", "--object", "2"], "has no object 2; it has 4, 21");
     with(&["--scene", "1", "--image", "0", "--estimator", "guess"], "must be grip, paper or paper-guarded");
-    with(&["--scene", "1", "--image", "0", "--estimator", "paper=no.json"], "--settings no.json");
-    let nowhere = folder.path().join("no/such/folder.svg");
+    with(
+        &["--scene", "1", "--image", "0", "--estimator", "paper=no.json"],
+        "--settings: no.json: No such file",
+    );
+    let nowhere = set.join("test/000001/scene_gt.json/folder.svg");
     let args = ["convergence", text(&set), "--scene", "1", "--image", "0", "--out", text(&nowhere)];
-    refused(&args, "no such folder");
+    refused(&args, "another place");
 }
