@@ -174,8 +174,7 @@ impl ConditionSpec {
     /// value.
     pub fn load(path: &Path) -> Result<Self> {
         let text = files::read_to_string(path)?;
-        let mut condition: Self = toml::from_str(&text)
-            .map_err(|error| Error::invalid(path, error.to_string().trim().to_owned()))?;
+        let mut condition: Self = files::from_toml(&text).map_err(|message| Error::invalid(path, message))?;
         if let Some(problem) = condition.problem() {
             return Err(Error::invalid(path, problem));
         }

@@ -33,6 +33,7 @@ pub mod lanes;
 pub mod mesh;
 pub mod objects;
 pub mod pictures;
+mod polygon;
 pub mod pose;
 pub mod range;
 pub mod render;

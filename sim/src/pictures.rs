@@ -8,7 +8,7 @@ use std::io::Cursor;
 use std::path::Path;
 
 use image::metadata::Orientation;
-use image::{DynamicImage, GrayImage, ImageDecoder, ImageFormat, ImageReader, Limits, RgbImage};
+use image::{DynamicImage, GrayImage, ImageDecoder, ImageError, ImageFormat, ImageReader, Limits, RgbImage};
 use zune_core::bytestream::ZCursor;
 use zune_core::colorspace::ColorSpace;
 use zune_core::options::DecoderOptions;
@@ -115,11 +115,17 @@ pub(crate) fn decode(bytes: &[u8]) -> std::result::Result<Picture, String> {
     limits.max_image_width = Some(LARGEST);
     limits.max_image_height = Some(LARGEST);
     reader.limits(limits);
-    let mut decoder = reader.into_decoder().map_err(|error| broken(&error))?;
+    let wrong = |error: ImageError| match error {
+        ImageError::Unsupported(_) => format!(
+            "is a {name} picture of a kind that is not read ({error}); save it with 8 or 16 bits, depth as 16-bit grey"
+        ),
+        _ => broken(&error),
+    };
+    let mut decoder = reader.into_decoder().map_err(wrong)?;
     let (width, height) = decoder.dimensions();
     check_size(width.into(), height.into()).map_err(|error| broken(&error))?;
-    let orientation = decoder.orientation().map_err(|error| broken(&error))?;
-    let image = DynamicImage::from_decoder(decoder).map_err(|error| broken(&error))?;
+    let orientation = decoder.orientation().map_err(wrong)?;
+    let image = DynamicImage::from_decoder(decoder).map_err(wrong)?;
     let gamma = if format == ImageFormat::Png { gamma(bytes) } else { None };
     Ok(Picture { image, orientation, gamma })
 }

@@ -1,6 +1,6 @@
 //! Where an estimator is told to look.
 
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -121,17 +121,40 @@ impl Boxes {
         }
     }
 
-    /// Whether boxes of these objects can be proposed.
+    /// Whether boxes of these objects can be proposed, and whether those of a file are of these images.
     ///
     /// # Errors
-    /// When the network does not know one.
-    pub fn check<'a>(&self, models: impl IntoIterator<Item = &'a Arc<ObjectModel>>) -> Result<()> {
-        if let Self::Pyramid(network) = self {
-            for model in models {
+    /// When the network does not know an object, or none of the file's boxes is of what is asked for.
+    pub fn check<'a>(
+        &self,
+        models: impl IntoIterator<Item = &'a Arc<ObjectModel>>,
+        images: &HashSet<(u32, u32)>,
+    ) -> Result<()> {
+        match self {
+            Self::Pyramid(network) => models.into_iter().try_for_each(|model| {
                 network.class_of(model)?;
+                Ok(())
+            }),
+            Self::File { boxes, .. } => {
+                let ids: HashSet<u32> = models.into_iter().map(|model| model.info.bop_id).collect();
+                let all: usize = boxes.values().map(Vec::len).sum();
+                let asked =
+                    boxes.iter().filter(|(image, _)| images.contains(image)).flat_map(|(_, boxes)| boxes);
+                let used = asked.filter(|entry| ids.contains(&entry.category_id)).count();
+                anyhow::ensure!(
+                    all == 0 || used > 0,
+                    "none of the {all} boxes is of an image and object that is asked for; are they of another data set?"
+                );
+                if used < all {
+                    log::warn!(
+                        "{} of {all} boxes are of images or objects that are not asked for",
+                        all - used
+                    );
+                }
+                Ok(())
             }
+            _ => Ok(()),
         }
-        Ok(())
     }
 
     /// The boxes of one image for `objects`, which are the models of `ids`.
@@ -211,6 +234,20 @@ fn read(path: &Path) -> Result<Boxes> {
             path.display()
         )
     })?;
+    for (number, FileBox { scene_id, image_id, bbox, score, .. }) in list.iter().enumerate() {
+        let wrong = bbox.iter().any(|value| !value.is_finite()) || bbox[2] < 0.0 || bbox[3] < 0.0;
+        anyhow::ensure!(
+            !wrong && (0.0..=1.0).contains(score),
+            "{}: entry {number} (scene {scene_id}, image {image_id}): bbox {bbox:?}, score {score}: must be left, top, width and \
+             height in pixels, and 0 to 1",
+            path.display()
+        );
+    }
+    anyhow::ensure!(
+        list.is_empty() || list.iter().any(|entry| entry.bbox.iter().any(|value| *value > 1.0)),
+        "{}: no box reaches beyond one pixel: they seem to be shares of the picture; give pixels",
+        path.display()
+    );
     let mut by_image: HashMap<_, Vec<FileBox>> = HashMap::new();
     for entry in list {
         by_image.entry((entry.scene_id, entry.image_id)).or_default().push(entry);

@@ -120,7 +120,7 @@ impl Run<'_> {
             .map(|id| Ok((id, objects::load(self.dataset, id)?)))
             .collect::<Result<_>>()?;
 
-        self.boxes.check(models.values())?;
+        self.boxes.check(models.values(), &wanted.keys().copied().collect())?;
 
         let partial = partial_path(out)?;
         if let Some(folder) = out.parent() {

@@ -75,9 +75,10 @@ impl Settings {
         let changes: Table = toml::from_str(text).map_err(|e| anyhow!("{}", e.to_string().trim_end()))?;
         let mut tree = Value::try_from(Self::default()).context("the defaults")?;
         merge(&mut tree, Value::Table(changes));
-        let settings: Self = serde_path_to_error::deserialize(tree).map_err(|error| {
+        let settings: Self = serde_path_to_error::deserialize(tree.clone()).map_err(|error| {
             anyhow!("{}: {}", error.path(), error.inner().to_string().trim_end().replace('\n', " "))
         })?;
+        grip_sim::files::lists_fit::<Self>(&tree).map_err(|message| anyhow!(message))?;
         settings.validate()?;
         Ok(settings)
     }

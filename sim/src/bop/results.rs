@@ -86,11 +86,25 @@ pub fn read_results(path: &Path) -> Result<Vec<Estimate>> {
     let mut estimates = Vec::new();
     for (index, record) in reader.records().enumerate() {
         let record = record.map_err(|error| Error::invalid(path, error.to_string()))?;
-        if index == 0 && record.iter().map(str::trim).eq(HEADER.split(',')) {
+        if index == 0
+            && record
+                .iter()
+                .map(|field| field.trim().to_ascii_lowercase())
+                .eq(HEADER.to_ascii_lowercase().split(','))
+        {
             continue;
         }
         let line = record.position().map_or(0, csv::Position::line);
         let invalid = |message: String| Error::invalid(path, format!("line {line}: {message}"));
+        if record.iter().all(|field| field.trim().is_empty()) {
+            continue;
+        }
+        if index == 0 && record.get(0).is_some_and(|field| field.trim().eq_ignore_ascii_case("scene_id")) {
+            return Err(invalid(format!("the header is not `{HEADER}`; fields have this order")));
+        }
+        if record.len() == 1 && record.iter().any(|field| field.contains([';', '\t'])) {
+            return Err(invalid(format!("fields are separated by commas, as in `{HEADER}`")));
+        }
         if record.len() != 7 {
             return Err(invalid(format!("has {} fields and not the seven of `{HEADER}`", record.len())));
         }

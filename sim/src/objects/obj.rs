@@ -6,7 +6,10 @@
 use std::cell::RefCell;
 use std::path::Path;
 
+use nalgebra::Vector3;
+
 use crate::files::{self, text::lenient};
+use crate::polygon;
 use crate::{Error, Result};
 
 /// Models and materials of an OBJ file, its faces cut into triangles. Of a material library that is not there the materials are
@@ -34,9 +37,12 @@ pub(crate) fn load(path: &Path) -> Result<Obj> {
             })
     };
     let object = lenient(files::read(path)?);
+    let object = mended_object(&object, folder)
+        .map_err(|reason| Error::invalid(path, format!("not a readable OBJ file: {reason}")))?;
     let unreadable = |reason: String| Error::invalid(path, format!("not a readable OBJ file: {reason}"));
-    let (models, materials) = tobj::load_obj_buf(&mut object.as_bytes(), &tobj::GPU_LOAD_OPTIONS, library)
+    let (mut models, materials) = tobj::load_obj_buf(&mut object.as_bytes(), &OPTIONS, library)
         .map_err(|error| unreadable(error.to_string()))?;
+    models.iter_mut().for_each(|model| cut(&mut model.mesh));
     let materials =
         materials.map_err(|error| unreadable(wrong.take().unwrap_or_else(|| error.to_string())))?;
     Ok(Obj { models, materials, absent: absent.take() })
@@ -50,20 +56,55 @@ pub(crate) struct Obj {
     pub absent: Option<String>,
 }
 
-/// A material library with what `tobj` does not bear put right.
-fn mended_library(text: &str) -> std::result::Result<String, String> {
+/// One index a vertex. `tobj` cuts faces as if all were convex: that is left to us.
+const OPTIONS: tobj::LoadOptions = tobj::LoadOptions { triangulate: false, ..tobj::GPU_LOAD_OPTIONS };
+
+/// Cuts faces into triangles.
+fn cut(mesh: &mut tobj::Mesh) {
+    if mesh.face_arities.is_empty() {
+        return;
+    }
+    let corner = |&index: &u32| {
+        let at = 3 * index as usize;
+        mesh.positions
+            .get(at..at + 3)
+            .map_or(Vector3::repeat(f64::NAN), |p| Vector3::from_fn(|i, _| p[i].into()))
+    };
+    let (mut rest, mut indices) = (mesh.indices.as_slice(), Vec::new());
+    for arity in &mesh.face_arities {
+        let (face, after) = rest.split_at((*arity as usize).min(rest.len()));
+        let corners: Vec<Vector3<f64>> = face.iter().map(corner).collect();
+        indices.extend(polygon::triangles(&corners).iter().flatten().map(|&i| face[i]));
+        rest = after;
+    }
+    mesh.indices = indices;
+    mesh.face_arities.clear();
+}
+
+/// An OBJ with what `tobj` does not bear put right: lines that go on, comments behind them, polylines (which it takes for faces),
+/// several libraries in one line.
+fn mended_object(text: &str, folder: &Path) -> std::result::Result<String, String> {
+    let text = text.replace("\\\r\n", " ").replace("\\\n", " ");
+    let ends: &[char] = if text.contains('\n') { &['\n'] } else { &['\r'] };
     let mut mended = String::with_capacity(text.len());
-    for (i, line) in text.lines().enumerate() {
-        let words: Vec<&str> = line.split_whitespace().collect();
-        let of_line = |reason: String| format!("line {}, '{}': {reason}", i + 1, line.trim());
-        match words.first() {
-            Some(keyword @ (&"Ka" | &"Kd" | &"Ks" | &"Ke")) => {
-                let values: Vec<&str> =
-                    words[1..].iter().copied().take_while(|word| !word.starts_with('#')).collect();
-                mended += &format!("{keyword} {}", color(&values).map_err(of_line)?);
+    for (i, line) in text.split(ends).enumerate() {
+        let mut words = line.split_whitespace();
+        match words.next() {
+            Some("l" | "p") => {}
+            Some("mtllib") => {
+                for name in libraries(line.trim_start()["mtllib".len()..].trim(), folder) {
+                    mended += &format!("mtllib {name}\n");
+                }
             }
-            Some(keyword) if keyword.starts_with("map_") || *keyword == "norm" => {
-                mended += &format!("{keyword} {}", map_name(line.trim_start()[keyword.len()..].trim()));
+            Some(keyword @ ("v" | "vn" | "vt" | "f")) => {
+                let line = line.split('#').next().unwrap_or_default();
+                if keyword != "f"
+                    && let Some(word) =
+                        line.split_whitespace().skip(1).find(|word| word.parse::<f32>().is_err())
+                {
+                    return Err(format!("line {}, '{}': '{word}' is no number", i + 1, line.trim()));
+                }
+                mended += line;
             }
             _ => mended += line,
         }
@@ -72,9 +113,48 @@ fn mended_library(text: &str) -> std::result::Result<String, String> {
     Ok(mended)
 }
 
+/// Names of material libraries: one with spaces in it, or several.
+fn libraries(text: &str, folder: &Path) -> Vec<String> {
+    let plain = text.trim_matches('"').replace('\\', "/");
+    let there = |name: &str| files::exists(&folder.join(name));
+    let several: Vec<&str> = plain.split_whitespace().collect();
+    if plain.is_empty() {
+        Vec::new()
+    } else if !there(&plain) && several.len() > 1 && several.iter().any(|name| there(name)) {
+        several.into_iter().map(str::to_owned).collect()
+    } else {
+        vec![plain]
+    }
+}
+
+/// The material library's lines that are used, with what `tobj` does not bear put right.
+fn mended_library(text: &str) -> std::result::Result<String, String> {
+    let mut mended = String::with_capacity(text.len());
+    for (i, line) in text.split(['\n', '\r']).enumerate() {
+        let words: Vec<&str> = line.split_whitespace().take_while(|word| !word.starts_with('#')).collect();
+        let of_line = |reason: String| format!("line {}, '{}': {reason}", i + 1, line.trim());
+        // What else a material has is not used, however it is written.
+        let Some(keyword) = words.first() else { continue };
+        match keyword.to_ascii_lowercase().as_str() {
+            "newmtl" => mended += &format!("newmtl {}\n", words[1..].join(" ")),
+            "kd" => mended += &format!("Kd {}\n", color(&words[1..]).map_err(of_line)?),
+            "map_kd" => {
+                let name = map_name(line.trim_start()[keyword.len()..].trim()).trim_matches('"');
+                if name.is_empty() {
+                    log::warn!("a material's {} names no texture", line.trim());
+                } else {
+                    mended += &format!("map_Kd {name}\n");
+                }
+            }
+            _ => {}
+        }
+    }
+    Ok(mended)
+}
+
 /// Three numbers; green and blue may be left out, and are then as red.
 fn color(words: &[&str]) -> std::result::Result<String, String> {
-    let number = |word: &&str| word.parse::<f32>().is_ok();
+    let number = |word: &&str| word.parse::<f32>().is_ok_and(f32::is_finite);
     match words {
         [r] if number(r) => Ok(format!("{r} {r} {r}")),
         [r, g] if number(r) && number(g) => Ok(format!("{r} {g} {r}")),
@@ -117,13 +197,11 @@ mod tests {
     #[test]
     fn a_colour_of_fewer_numbers_is_grey_and_one_of_none_is_an_error_with_its_line() {
         let mended = |text: &str| mended_library(text).unwrap();
-        assert_eq!(
-            mended("newmtl a\n\tKd 0.6\r\nKs .1 .2 # of print\n"),
-            "newmtl a\nKd 0.6 0.6 0.6\nKs .1 .2 .1\n"
-        );
-        assert_eq!(mended("Ka 0.1 0.2 0.3 0.4\nNs 10\n"), "Ka 0.1 0.2 0.3\nNs 10\n");
-        let error = mended_library("newmtl a\nKe\n").unwrap_err();
-        assert_eq!(error, "line 2, 'Ke': needs a colour, three numbers");
+        assert_eq!(mended("newmtl a # red\n\tKd 0.6\r\nKs .1 .2 # of print\n"), "newmtl a\nKd 0.6 0.6 0.6\n");
+        assert_eq!(mended("kd 0.1 0.2 0.3 0.4\nNs ten\nillum 2.0\nd -halo\n"), "Kd 0.1 0.2 0.3\n");
+        assert_eq!(mended("map_Kd \"a b.png\"\nmap_Kd\n"), "map_Kd a b.png\n");
+        let error = mended_library("newmtl a\nKd\n").unwrap_err();
+        assert_eq!(error, "line 2, 'Kd': needs a colour, three numbers");
         let error = mended_library("Kd spectral film.rfl 1").unwrap_err();
         assert!(error.contains("line 1") && error.contains("spectra"), "{error}");
         assert!(mended_library("Kd red green blue").is_err());
@@ -143,5 +221,28 @@ mod tests {
         for (text, wanted) in cases {
             assert_eq!(map_name(text), wanted, "{text}");
         }
+    }
+
+    #[test]
+    fn objects_are_read_as_people_write_them() {
+        let folder = tempfile::tempdir().unwrap();
+        let mended = |text: &str| mended_object(text, folder.path());
+        assert_eq!(
+            mended("f 1 \\\n2 3 # c\nl 1 2 3\nv 0 0 1 1 0 0\n"),
+            Ok("f 1  2 3 \n\nv 0 0 1 1 0 0\n\n".into())
+        );
+        assert_eq!(mended("v 0 0 0\rv 1 0 0"), Ok("v 0 0 0\nv 1 0 0\n".into()));
+        assert_eq!(mended("v 0,5 1 2"), Err("line 1, 'v 0,5 1 2': '0,5' is no number".into()));
+        std::fs::write(folder.path().join("b.mtl"), "newmtl b").unwrap();
+        assert_eq!(libraries("a.mtl b.mtl", folder.path()), ["a.mtl", "b.mtl"]);
+        assert_eq!(libraries("my file.mtl", folder.path()), ["my file.mtl"]);
+        assert_eq!(libraries("\".\\b.mtl\"", folder.path()), ["./b.mtl"]);
+
+        // A concave face, and a polyline, which is none.
+        let path = folder.path().join("l.obj");
+        let outline = "v 0 0 0\nv 3 0 0\nv 3 1 0\nv 1 1 0\nv 1 3 0\nv 0 3 0\n";
+        std::fs::write(&path, format!("{outline}l 1 2 3 4\nf 4 5 6 1 2 3\nf 1 2 3\n")).unwrap();
+        let mesh = &load(&path).unwrap().models[0].mesh;
+        assert_eq!(mesh.indices.len(), 3 * 5);
     }
 }

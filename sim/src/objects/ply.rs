@@ -10,12 +10,13 @@ use ply_rs_bw::ply::{DefaultElement, Property};
 use super::mesh_io::{finish, load_texture};
 use crate::files;
 use crate::mesh::{Material, Mesh, Visual};
+use crate::polygon;
 use crate::{Error, Result};
 
 /// Reads a PLY file, ASCII or binary, and scales it by `unit_scale` (0.001 for millimetres).
 ///
 /// Vertices: `x y z`, and if there are any `nx ny nz`, `red green blue`, and `texture_u texture_v`, `s t` or `u v`.
-/// Faces: lists of at least three indices, cut into fans of triangles, and if there are any `red green blue`, or a list
+/// Faces: lists of at least three indices, cut into triangles, and if there are any `red green blue`, or a list
 /// `texcoord` of two numbers a corner. A header line `comment TextureFile NAME` names the texture.
 ///
 /// # Errors
@@ -98,14 +99,17 @@ pub(crate) fn parse(bytes: &[u8], unit_scale: f64) -> std::result::Result<(Mesh,
             .find_map(|name| face.get(*name))
             .and_then(Property::to_u32_list)
             .ok_or_else(|| format!("face {index} has no list 'vertex_indices' of vertex numbers"))?;
-        let [first, rest @ ..] = corners.as_slice() else {
-            return Err(format!("face {index} is empty"));
-        };
-        if rest.len() < 2 {
+        if corners.len() < 3 {
             return Err(format!("face {index} has {} vertices; three or more make a face", corners.len()));
         }
+        // What names a vertex that is not there is told below.
+        let place = |&corner: &u32| {
+            let at = whole.positions.get(corner as usize);
+            at.map_or(Vector3::repeat(f64::NAN), |p| p.coords.cast::<f64>())
+        };
+        let cut = polygon::triangles(&corners.iter().map(place).collect::<Vec<_>>());
         if of_faces == [false; 2] {
-            whole.triangles.extend(rest.windows(2).map(|pair| [*first, pair[0], pair[1]]));
+            whole.triangles.extend(cut.iter().map(|triangle| triangle.map(|i| corners[i])));
             continue;
         }
         let base = apart.positions.len() as u32;
@@ -136,7 +140,7 @@ pub(crate) fn parse(bytes: &[u8], unit_scale: f64) -> std::result::Result<(Mesh,
             }
             apart.uvs.extend(uvs.as_chunks::<2>().0.iter().map(|&[u, v]| [u, 1.0 - v]));
         }
-        apart.triangles.extend((1..rest.len() as u32).map(|i| [base, base + i, base + i + 1]));
+        apart.triangles.extend(cut.iter().map(|triangle| triangle.map(|i| base + i as u32)));
     }
     let mesh = if of_faces == [false; 2] { whole } else { apart };
     if let (Some(name), true) = (&texture, mesh.uvs.is_empty()) {

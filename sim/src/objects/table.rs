@@ -29,8 +29,7 @@ pub struct ObjectTable {
 /// [`Error::Io`] if the file cannot be read; [`Error::Invalid`] with object, field and value for anything wrong in it.
 pub fn load(path: &Path) -> Result<Vec<ObjectInfo>> {
     let text = files::read_to_string(path)?;
-    let table: ObjectTable =
-        toml::from_str(&text).map_err(|error| Error::invalid(path, error.to_string()))?;
+    let table: ObjectTable = files::from_toml(&text).map_err(|message| Error::invalid(path, message))?;
     check(&table).map_err(|message| Error::invalid(path, message))?;
     Ok(table.objects)
 }

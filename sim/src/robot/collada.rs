@@ -15,6 +15,7 @@ use roxmltree::{Document, Node};
 use super::mesh_part::{Part, texture};
 use crate::files::text;
 use crate::mesh::{Material, Mesh};
+use crate::polygon;
 
 /// Deepest nesting of nodes; deeper files are taken for a cycle.
 const MAX_DEPTH: usize = 64;
@@ -41,6 +42,9 @@ pub(super) fn load(bytes: &[u8], folder: Option<&Path>) -> Result<Vec<Part>> {
         Some(text) => number(text)?,
         None => 1.0,
     };
+    if unit <= 0.0 {
+        return Err(format!("<unit meter=\"{unit}\">: must be above 0"));
+    }
     let scale = Matrix4::new_scaling(unit);
     let scene = match find(root, &["scene", "instance_visual_scene"]) {
         Some(instance) => Some(reader.target(instance, "url")?),
@@ -155,6 +159,9 @@ impl<'a, 'input> Reader<'a, 'input> {
     }
 
     fn primitive(&self, primitive: Node<'a, 'input>, transform: &Matrix4<f64>) -> Result<Mesh> {
+        if children(primitive, "ph").next().is_some() {
+            return Err("polygons with holes (<ph>) are not supported; export triangles".into());
+        }
         let inputs = self.inputs(primitive)?;
         let stride = inputs.stride;
         let mut faces: Vec<Vec<&[usize]>> = Vec::new();
@@ -207,10 +214,23 @@ impl<'a, 'input> Reader<'a, 'input> {
         let mut mesh = Mesh::default();
         let linear: Matrix3<f64> = transform.fixed_view::<3, 3>(0, 0).into();
         let normal_transform = linear.try_inverse().map(|inverse| inverse.transpose());
+        if linear.determinant().abs() < 1e-30 {
+            return Err("its node or unit scales it to nothing".into());
+        }
+        let fan = matches!(primitive.tag_name().name(), "triangles" | "trifans" | "tristrips");
         for face in &faces {
-            for i in 1..face.len().saturating_sub(1) {
+            let cut = if fan {
+                (1..face.len().saturating_sub(1)).map(|i| [0, i, i + 1]).collect()
+            } else {
+                let corners: Vec<Vector3<f64>> = face
+                    .iter()
+                    .map(|corner| Ok(inputs.position.get(corner)?.into()))
+                    .collect::<Result<_>>()?;
+                polygon::triangles(&corners)
+            };
+            for triangle in cut {
                 let first = mesh.positions.len() as u32;
-                for corner in [face[0], face[i], face[i + 1]] {
+                for corner in triangle.map(|i| face[i]) {
                     let [x, y, z] = inputs.position.get(corner)?;
                     let p = transform.transform_point(&Point3::new(x, y, z));
                     mesh.positions.push(p.cast::<f32>());

@@ -189,7 +189,7 @@ impl RobotConfig {
     pub fn load(path: &Path, robot: &RobotModel) -> Result<Self> {
         let text = files::read_to_string(path)?;
         let file: RobotConfigFile =
-            toml::from_str(&text).map_err(|error| Error::invalid(path, error.to_string()))?;
+            files::from_toml(&text).map_err(|message| Error::invalid(path, message))?;
         check(file, robot).map_err(|message| Error::invalid(path, message))
     }
 

@@ -82,7 +82,16 @@ fn check(node: Node<'_, '_>, parent: Node<'_, '_>) -> Result<()> {
             require(node, &["xyz"])?;
             numbers(node, &[("xyz", 3)])
         }
-        (_, "origin") => numbers(node, &[("xyz", 3), ("rpy", 3)]),
+        (_, "origin") => {
+            let version = node.document().root_element().attribute("version").unwrap_or("1.0");
+            if node.attribute("quat_xyzw").is_some() && version == "1.0" {
+                return Err(format!(
+                    "{}: quat_xyzw is of URDF 1.1: say <robot version=\"1.1\">, or give rpy",
+                    about(node)
+                ));
+            }
+            numbers(node, &[("xyz", 3), ("rpy", 3), ("quat_xyzw", 4)])
+        }
         ("link", "inertial") => {
             once(node, &["origin", "mass", "inertia"])?;
             child(node, "mass")?;

@@ -99,8 +99,7 @@ impl Scene {
     /// [`Error::Io`] when it cannot be read; [`Error::Invalid`] naming field, value and what to try.
     pub fn load(path: &Path) -> Result<Self> {
         let text = files::read_to_string(path)?;
-        let scene: Self =
-            toml::from_str(&text).map_err(|e| Error::invalid(path, e.to_string().trim_end()))?;
+        let scene: Self = files::from_toml(&text).map_err(|message| Error::invalid(path, message))?;
         scene.validate().map_err(|message| Error::invalid(path, message))?;
         Ok(scene)
     }

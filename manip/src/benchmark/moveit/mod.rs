@@ -260,6 +260,9 @@ fn obstacles_of(scene: &Path, base: &str) -> Result<Obstacles, ProblemError> {
         if count == 0 {
             return Err(fail("has no primitives".into()));
         }
+        if !object.id.is_empty() && names.contains(&object.id) {
+            return Err(fail("stands there twice; MoveIt takes the later one for the former".into()));
+        }
         for (i, primitive) in object.primitives.iter().enumerate() {
             let own = object.primitive_poses.get(i).map_or(Ok(Isometry3::identity()), isometry);
             shapes.push(CollisionShape {
@@ -340,7 +343,12 @@ fn geometry(primitive: &Primitive) -> Result<Convex, String> {
 
 fn read<T: for<'de> Deserialize<'de>>(path: &Path) -> Result<T, ProblemError> {
     let text = files::read_to_string(path).map_err(|e| problem(path, e.without_file()))?;
-    serde_saphyr::from_str(&text).map_err(|e| problem(path, e))
+    // What ROS prints ends in the sign of a next document, which does not come.
+    let mut text = text.trim_end();
+    while let Some(before) = text.strip_suffix("---") {
+        text = before.trim_end();
+    }
+    serde_saphyr::from_str(text).map_err(|e| problem(path, e))
 }
 
 fn problem(path: &Path, reason: impl ToString) -> ProblemError {

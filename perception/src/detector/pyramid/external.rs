@@ -1,7 +1,8 @@
-//! Weights that an ONNX model keeps in files beside it, as PyTorch's exporter writes them (`NAME.onnx.data`), taken into the model.
+//! ONNX models as exporters write them: weights in files beside the model (PyTorch's `NAME.onnx.data`) are taken into it, and are
+//! inputs of it no more.
 
 use std::borrow::Cow;
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 use std::path::{Component, Path};
 
 use grip_sim::files;
@@ -9,7 +10,7 @@ use prost::Message;
 use tract_onnx::pb::tensor_proto::DataLocation;
 use tract_onnx::pb::{GraphProto, ModelProto, TensorProto};
 
-/// The model in one piece; the bytes themselves where it is.
+/// The model in one piece, with only what is given as inputs; the bytes themselves where it is so.
 ///
 /// # Errors
 /// Which tensor, which file, and what is wrong; the caller names the model.
@@ -17,11 +18,16 @@ pub(super) fn inlined<'a>(model: &'a [u8], folder: &Path) -> Result<Cow<'a, [u8]
     // What cannot be decoded tells the runtime, in its own words.
     let Ok(mut proto) = ModelProto::decode(model) else { return Ok(Cow::Borrowed(model)) };
     let mut reader = Reader { folder, files: HashMap::new() };
-    let graphs = proto.graph.iter_mut().chain([]);
-    for graph in graphs {
+    let mut changed = false;
+    if let Some(graph) = &mut proto.graph {
         reader.graph(graph)?;
+        // As older exporters list them: weights that could be given as inputs, too. tract counts them twice.
+        let weights: HashSet<&str> = graph.initializer.iter().map(|tensor| tensor.name.as_str()).collect();
+        let count = graph.input.len();
+        graph.input.retain(|input| !weights.contains(input.name.as_str()));
+        changed = count != graph.input.len();
     }
-    if reader.files.is_empty() {
+    if reader.files.is_empty() && !changed {
         return Ok(Cow::Borrowed(model));
     }
     Ok(Cow::Owned(proto.encode_to_vec()))

@@ -279,3 +279,27 @@ fn a_network_with_its_weights_in_a_file_beside_it_is_the_same_network() {
     std::fs::write(path("split.onnx"), proto.encode_to_vec()).unwrap();
     refused(&["'../secret'", "not beside the model"]);
 }
+
+/// Exporters of ONNX's first versions list weights as inputs, too, which counts them twice in tract.
+#[test]
+fn weights_that_are_listed_as_inputs_are_no_inputs() {
+    use prost::Message;
+    use tract_onnx::pb::{ModelProto, ValueInfoProto};
+
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("old.onnx");
+    let mut proto = ModelProto::decode(MODEL).unwrap();
+    let graph = proto.graph.as_mut().unwrap();
+    let listed = graph
+        .initializer
+        .iter()
+        .map(|tensor| ValueInfoProto { name: tensor.name.clone(), ..Default::default() });
+    let listed: Vec<ValueInfoProto> = listed.collect();
+    graph.input.extend(listed);
+    std::fs::write(&path, proto.encode_to_vec()).unwrap();
+    std::fs::write(path.with_extension("json"), DESCRIPTION).unwrap();
+    let image = picture(160, 120);
+    let old = PyramidCnn::open(&path, &Providers::default()).unwrap().look(&image).unwrap();
+    let ours = network().look(&image).unwrap();
+    assert!(old.maps.iter().zip(&ours.maps).all(|(a, b)| a.classes == b.classes));
+}
