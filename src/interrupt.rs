@@ -13,7 +13,7 @@ const EXIT_CODE: i32 = 130;
 
 /// Waits for it from now on.
 pub fn install(command: &Command) {
-    let next = kept(command).unwrap_or_else(|| "nothing was written".into());
+    let next = kept(command).unwrap_or_else(|| "nothing half-written is left behind; run it again".into());
     let handler = move || {
         unfinished::remove_all();
         output::message(format_args!("interrupted: {next}"));

@@ -23,11 +23,11 @@ use percent_encoding::percent_decode_str;
 
 use crate::error::{Error, Result};
 
-mod checked;
 mod mistaken;
 pub(crate) mod text;
+mod typed;
 
-pub use checked::{from_toml, lists_fit};
+pub use typed::{from_toml, lists_fit};
 
 /// How paths of built-in files begin.
 pub const PREFIX: &str = "builtin:";

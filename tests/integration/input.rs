@@ -122,12 +122,14 @@ fn a_set_of_grey_tiff_pictures_is_estimated_and_scored_in_full() {
     assert_eq!(lines(&a), lines(&b));
     let output = grip(&["eval", text(&set), text(&b)]);
     assert!(!done(&output).contains("no AR") && !stderr(&output).contains("no depth"), "{}", stderr(&output));
-    // What is there and is not read is said.
-    fs::rename(scene.join("gray/000000.tif"), scene.join("gray/000000.webp")).unwrap();
-    refused(
-        &grip(&["estimate", text(&set), "--boxes", "gt", "--out", text(&b)]),
-        &["gray/000000.webp is there", ".tif"],
-    );
+    // What is there and is not read is said, and not taken for absent.
+    for (from, to) in [("gray/000000.tif", "gray/000000.webp"), ("depth/000000.tif", "depth/000000.exr")] {
+        fs::rename(scene.join(from), scene.join(to)).unwrap();
+        let wanted = [to, "format that is not read", ".tif"];
+        refused(&grip(&["estimate", text(&set), "--boxes", "gt", "--out", text(&b)]), &wanted);
+        refused(&grip(&["eval", text(&set), text(&b)]), &wanted);
+        fs::rename(scene.join(to), scene.join(from)).unwrap();
+    }
 }
 
 #[test]
@@ -456,7 +458,11 @@ fn the_friction_of_a_sweep_is_that_of_the_contact() {
 fn an_interruption_leaves_nothing_half_written_and_says_how_to_go_on() {
     let folder = tempfile::tempdir().unwrap();
     for (signal, arguments, next) in [
-        ("INT", &["pack", "--seed", "7", "--renderer", "cpu", "--out", "out"][..], "nothing was written"),
+        (
+            "INT",
+            &["pack", "--seed", "7", "--renderer", "cpu", "--out", "out"][..],
+            "nothing half-written is left behind",
+        ),
         ("TERM", &["trials", "--trials", "50", "--renderer", "cpu", "--out", "out"], "--resume goes on: out"),
         ("INT", &["scenes", "--scenes", "50", "--renderer", "cpu", "--out", "out"], "--resume goes on: out"),
     ] {

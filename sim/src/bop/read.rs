@@ -20,7 +20,7 @@ use crate::pictures;
 use crate::pose::{Camera, Object, Pose, World};
 use crate::{Error, Result};
 
-use view::{camera, depth_path, in_camera_file, read_depth};
+use view::{camera, in_camera_file, read_depth};
 
 pub use view::BopView;
 
@@ -251,10 +251,10 @@ impl Dataset {
         let folder = self.scene_folder(scene_id);
         let camera = camera(&folder, &scene, im_id)?;
         let in_image = |message: String| in_camera_file(&folder, im_id, &message);
-        let rgb_path = rgb_path(&folder, im_id)?;
+        let rgb_path = needed_picture_path(&folder, LOOKS, im_id)?;
         let rgb = pictures::stored(&rgb_path)?;
         let size = [rgb.width() as usize, rgb.height() as usize];
-        let depth_path = depth_path(&folder, im_id)?;
+        let depth_path = needed_picture_path(&folder, DEPTH, im_id)?;
         let depth = read_depth(&depth_path, &folder, im_id, camera)?;
         same_size(&depth_path, [depth.width(), depth.height()], &rgb_path, size)?;
         Ok(BopFrame {
@@ -315,7 +315,7 @@ impl Dataset {
             return Ok(None);
         }
         let mask = read_mask(&path)?;
-        let rgb = rgb_path(&folder, im_id)?;
+        let rgb = needed_picture_path(&folder, LOOKS, im_id)?;
         same_size(&path, [mask.width(), mask.height()], &rgb, pictures::size(&rgb)?)?;
         Ok(Some(mask))
     }
@@ -405,33 +405,46 @@ fn world_from_camera(camera: &CameraEntry) -> std::result::Result<Option<Pose<Wo
     }
 }
 
-/// The colour or grey picture of an image, whichever the data set has.
-fn rgb_path(folder: &Path, im_id: u32) -> Result<PathBuf> {
-    picture_path(folder, &["rgb", "gray"], im_id)
+/// Kinds of the pictures with colour or grey values, and of depth: names of folders.
+const LOOKS: &[&str] = &["rgb", "gray"];
+const DEPTH: &[&str] = &["depth"];
+
+/// A picture of an image in the first of `kinds` that has it, in any format that is read; `None` where there is none in any.
+///
+/// # Errors
+/// Where there is one, but in no format that is read.
+fn picture_path(folder: &Path, kinds: &[&str], im_id: u32) -> Result<Option<PathBuf>> {
+    let stem = format!("{im_id:06}.");
+    let places =
+        kinds.iter().flat_map(|kind| ENDINGS.map(|ending| folder.join(kind).join(stem.clone() + ending)));
+    if let Some(path) = places.into_iter().find(|path| path.is_file()) {
+        return Ok(Some(path));
+    }
+    let other = kinds.iter().find_map(|kind| {
+        let names = entries(&folder.join(kind)).ok()?;
+        names.into_iter().find(|name| name.starts_with(&stem)).map(|name| folder.join(kind).join(name))
+    });
+    match other {
+        None => Ok(None),
+        Some(other) => Err(Error::invalid(
+            other,
+            format!("is in a format that is not read, only .{} are; convert it", ENDINGS.join(", .")),
+        )),
+    }
 }
 
-/// A picture of an image in the first of `kinds` that has it, in any format that is read.
-fn picture_path(folder: &Path, kinds: &[&str], im_id: u32) -> Result<PathBuf> {
-    const ENDINGS: [&str; 5] = ["png", "jpg", "jpeg", "tif", "tiff"];
-    let path = |kind: &str, ending: &str| folder.join(format!("{kind}/{im_id:06}.{ending}"));
-    let places = kinds.iter().flat_map(|kind| ENDINGS.map(|ending| path(kind, ending)));
-    places.into_iter().find(|path| path.is_file()).ok_or_else(|| {
-        let stem = format!("{im_id:06}.");
-        let other = kinds.iter().find_map(|kind| {
-            let names = entries(&folder.join(kind)).ok()?;
-            names.into_iter().find(|name| name.starts_with(&stem)).map(|name| format!("{kind}/{name}"))
-        });
-        let also = kinds[1..].iter().map(|kind| format!(", nor one in {kind}/")).collect::<String>();
-        let message = match other {
-            Some(other) => {
-                format!("no such file; {other} is there, but only .{} are read", ENDINGS.join(", ."))
-            }
-            None => format!(
-                "no such file, nor a .{}{also}; unpack the set's images, or leave this image out",
-                ENDINGS[1..].join(", .")
-            ),
-        };
-        Error::invalid(path(kinds[0], ENDINGS[0]), message)
+/// Endings of the formats that are read.
+const ENDINGS: [&str; 5] = ["png", "jpg", "jpeg", "tif", "tiff"];
+
+/// A picture that there must be.
+fn needed_picture_path(folder: &Path, kinds: &[&str], im_id: u32) -> Result<PathBuf> {
+    picture_path(folder, kinds, im_id)?.ok_or_else(|| {
+        let also: String = kinds[1..].iter().map(|kind| format!(", nor one in {kind}/")).collect();
+        let message = format!(
+            "no such file, nor a .{}{also}; unpack the set's images, or leave this image out",
+            ENDINGS[1..].join(", .")
+        );
+        Error::invalid(folder.join(kinds[0]).join(format!("{im_id:06}.{}", ENDINGS[0])), message)
     })
 }
 

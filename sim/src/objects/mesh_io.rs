@@ -12,7 +12,7 @@ use crate::mesh::{Material, Mesh, Visual};
 use crate::pictures;
 use crate::{Error, Result};
 use image::RgbImage;
-use nalgebra::{Point3, Vector3};
+use nalgebra::Vector3;
 
 /// Facets of a file without normals are shaded smoothly up to this angle, radians.
 const CREASE: f64 = 0.7;
@@ -31,25 +31,21 @@ pub fn load_obj(path: &Path) -> Result<Visual> {
         return Err(invalid(format!("its material library {library} is missing; it belongs beside the OBJ")));
     }
 
+    let parts: Vec<Mesh> = models.iter().map(|model| obj::mesh(&model.mesh)).collect();
+    let textured = parts.iter().all(|part| part.uvs.len() == part.positions.len());
+    let colored = parts.iter().all(|part| part.colors.len() == part.positions.len());
     let mut mesh = Mesh::default();
-    let textured =
-        models.iter().all(|model| model.mesh.texcoords.len() / 2 == model.mesh.positions.len() / 3);
-    let colored = models.iter().all(|model| model.mesh.vertex_color.len() == model.mesh.positions.len());
-    for model in &models {
-        let part = &model.mesh;
+    for part in parts {
         let base = mesh.positions.len() as u32;
-        let triple = |values: &[f32]| -> Vec<[f32; 3]> { values.as_chunks::<3>().0.to_vec() };
-        mesh.positions.extend(triple(&part.positions).into_iter().map(Point3::from));
-        mesh.normals.extend(triple(&part.normals).into_iter().map(Vector3::from));
+        mesh.positions.extend(part.positions);
+        mesh.normals.extend(part.normals);
         if textured {
-            // OBJ's v points up, ours down.
-            mesh.uvs.extend(part.texcoords.as_chunks::<2>().0.iter().map(|&[u, v]| [u, 1.0 - v]));
+            mesh.uvs.extend(part.uvs);
         }
         if colored {
-            let byte = |v: f32| (v.clamp(0.0, 1.0) * 255.0).round() as u8;
-            mesh.colors.extend(triple(&part.vertex_color).into_iter().map(|rgb| rgb.map(byte)));
+            mesh.colors.extend(part.colors);
         }
-        mesh.triangles.extend(part.indices.as_chunks::<3>().0.iter().map(|t| t.map(|i| i + base)));
+        mesh.triangles.extend(part.triangles.iter().map(|t| t.map(|i| i + base)));
     }
 
     let used: Vec<&tobj::Material> =

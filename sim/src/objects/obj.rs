@@ -6,9 +6,10 @@
 use std::cell::RefCell;
 use std::path::Path;
 
-use nalgebra::Vector3;
+use nalgebra::{Point3, Vector3};
 
 use crate::files::{self, text::lenient};
+use crate::mesh::Mesh;
 use crate::polygon;
 use crate::{Error, Result};
 
@@ -46,6 +47,29 @@ pub(crate) fn load(path: &Path) -> Result<Obj> {
     let materials =
         materials.map_err(|error| unreadable(wrong.take().unwrap_or_else(|| error.to_string())))?;
     Ok(Obj { models, materials, absent: absent.take() })
+}
+
+/// The mesh of a model. Texture coordinates and colours are none where not every vertex has them, as where faces with and without
+/// them are in one group.
+pub(crate) fn mesh(model: &tobj::Mesh) -> Mesh {
+    let triples = |values: &[f32]| -> Vec<[f32; 3]> { values.as_chunks::<3>().0.to_vec() };
+    let count = model.positions.len() / 3;
+    let whole = |values: &'_ [f32], each: usize| values.len() == each * count;
+    let byte = |v: f32| (v.clamp(0.0, 1.0) * 255.0).round() as u8;
+    let mut mesh = Mesh {
+        positions: triples(&model.positions).into_iter().map(Point3::from).collect(),
+        normals: triples(&model.normals).into_iter().map(Vector3::from).collect(),
+        triangles: model.indices.as_chunks::<3>().0.to_vec(),
+        ..Mesh::default()
+    };
+    if whole(&model.texcoords, 2) {
+        // OBJ's v points up, ours down.
+        mesh.uvs = model.texcoords.as_chunks::<2>().0.iter().map(|&[u, v]| [u, 1.0 - v]).collect();
+    }
+    if whole(&model.vertex_color, 3) {
+        mesh.colors = triples(&model.vertex_color).into_iter().map(|rgb| rgb.map(byte)).collect();
+    }
+    mesh
 }
 
 /// An OBJ file.

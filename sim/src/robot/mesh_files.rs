@@ -4,7 +4,7 @@
 
 use std::path::Path;
 
-use nalgebra::{Point3, Vector3};
+use nalgebra::Vector3;
 
 use super::mesh_part::{Part, read, texture};
 use super::{collada, stl};
@@ -110,9 +110,9 @@ fn wavefront(path: &Path) -> Result<Vec<Part>, String> {
     models
         .into_iter()
         .map(|model| {
-            let mesh = model.mesh;
-            let triples = |values: &[f32]| -> Vec<[f32; 3]> { values.as_chunks::<3>().0.to_vec() };
-            let material = mesh
+            let mesh = obj::mesh(&model.mesh);
+            let material = model
+                .mesh
                 .material_id
                 .and_then(|id| materials.get(id))
                 .map(|material| {
@@ -126,33 +126,16 @@ fn wavefront(path: &Path) -> Result<Vec<Part>, String> {
                     })
                 })
                 .transpose()?;
-            let count = mesh.positions.len() / 3;
-            // Faces with and without them in one group leave too few: none then.
-            let uvs = if mesh.texcoords.len() == 2 * count { mesh.texcoords } else { Vec::new() };
-            if let (Some(Material { texture: Some(_), .. }), true) = (&material, uvs.is_empty()) {
+            let textured = material.as_ref().is_some_and(|material| material.texture.is_some());
+            if textured && mesh.uvs.is_empty() {
                 return Err(format!(
                     "group '{}' has a texture, but not texture coordinates (vt) at all corners",
                     model.name
                 ));
             }
-            let byte = |v: f32| (v.clamp(0.0, 1.0) * 255.0).round() as u8;
-            let colors =
-                if mesh.vertex_color.len() == mesh.positions.len() { mesh.vertex_color } else { Vec::new() };
-            let colors: Vec<[u8; 3]> = triples(&colors).into_iter().map(|rgb| rgb.map(byte)).collect();
             // Colours of vertices are colours, not shades of the URDF's.
-            let material = material.or_else(|| (!colors.is_empty()).then(Material::default));
-            Ok(Part {
-                mesh: Mesh {
-                    positions: triples(&mesh.positions).into_iter().map(Point3::from).collect(),
-                    normals: triples(&mesh.normals).into_iter().map(Vector3::from).collect(),
-                    // OBJ's v points up, ours down.
-                    uvs: uvs.as_chunks::<2>().0.iter().map(|&[u, v]| [u, 1.0 - v]).collect(),
-                    colors,
-                    finish: Vec::new(),
-                    triangles: mesh.indices.as_chunks::<3>().0.to_vec(),
-                },
-                material,
-            })
+            let material = material.or_else(|| (!mesh.colors.is_empty()).then(Material::default));
+            Ok(Part { mesh, material })
         })
         .collect()
 }

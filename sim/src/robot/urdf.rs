@@ -83,8 +83,8 @@ fn check(node: Node<'_, '_>, parent: Node<'_, '_>) -> Result<()> {
             numbers(node, &[("xyz", 3)])
         }
         (_, "origin") => {
-            let version = node.document().root_element().attribute("version").unwrap_or("1.0");
-            if node.attribute("quat_xyzw").is_some() && version == "1.0" {
+            // Before, its readers pass over it, and the element is not turned.
+            if node.attribute("quat_xyzw").is_some() && version(node) < (1, 1) {
                 return Err(format!(
                     "{}: quat_xyzw is of URDF 1.1: say <robot version=\"1.1\">, or give rpy",
                     about(node)
@@ -122,6 +122,13 @@ fn check(node: Node<'_, '_>, parent: Node<'_, '_>) -> Result<()> {
         }
         _ => Ok(()),
     }
+}
+
+/// What the robot says, 1.0 where it says nothing or no version.
+fn version(node: Node<'_, '_>) -> (u32, u32) {
+    let said =
+        node.document().root_element().attribute("version").and_then(|text| text.trim().split_once('.'));
+    said.and_then(|(major, minor)| Some((major.parse().ok()?, minor.parse().ok()?))).unwrap_or((1, 0))
 }
 
 fn kind(joint: Node<'_, '_>) -> Result<()> {
@@ -285,6 +292,15 @@ mod tests {
     }
 
     #[test]
+    fn quaternions_of_urdf_1_1_turn_what_has_them() {
+        let turned = ROBOT
+            .replace("<robot name=\"two\">", "<robot name=\"two\" version=\"1.1\">")
+            .replace("rpy=\"0 0 0\"", "quat_xyzw=\"0 0 0.7071067811865476 0.7071067811865476\"");
+        let [roll, pitch, yaw] = *parse(&turned).unwrap().links[0].visual[0].origin.rpy;
+        assert!(roll.abs() < 1e-9 && pitch.abs() < 1e-9 && (yaw - std::f64::consts::FRAC_PI_2).abs() < 1e-9);
+    }
+
+    #[test]
     fn what_is_wrong_is_named_with_its_element_value_and_line() {
         let limit = "<limit lower=\"0\" upper=\"0.4\" velocity=\"1\" effort=\"5\"/>";
         for (from, to, wanted) in [
@@ -334,6 +350,11 @@ mod tests {
             ),
             ("<box size=\"1 1 1\"/>", "", "link 'drawer', <geometry>, line 5: has 0 shapes"),
             ("<link name=\"drawer\">", "<link>", "link 'without a name', line 5: has no name"),
+            (
+                "rpy=\"0 0 0\"",
+                "quat_xyzw=\"0 0 0 1\"",
+                "link 'base', <origin>, line 4: quat_xyzw is of URDF 1.1",
+            ),
             ("</robot>", "", "is no whole XML"),
             ("<robot name=\"two\">", "<sdf><robot name=\"two\">", ""),
         ] {

@@ -10,7 +10,7 @@
 //! were made and what they are worth.
 
 mod description;
-mod external;
+mod exported;
 mod heatmaps;
 mod rehearsal;
 mod runtime;
@@ -110,8 +110,7 @@ impl PyramidCnn {
         let shown = path.display().to_string();
         let bytes = files::read(path).map_err(|e| Error::Detector(e.to_string()))?;
         let folder = path.parent().unwrap_or(Path::new("."));
-        let model =
-            external::inlined(&bytes, folder).map_err(|e| Error::Detector(format!("{shown}: {e}")))?;
+        let model = exported::whole(&bytes, folder).map_err(|e| Error::Detector(format!("{shown}: {e}")))?;
         let beside = path.with_extension("json");
         let text = files::read_to_string(&beside).map_err(|e| {
             Error::Detector(format!(

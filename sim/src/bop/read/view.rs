@@ -1,8 +1,8 @@
 //! What measures poses in an image: the camera and its depth picture, as far as a data set has them.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
-use super::{Dataset, SceneFiles, intrinsics, picture_path, rgb_path, same_size, span};
+use super::{DEPTH, Dataset, LOOKS, SceneFiles, intrinsics, picture_path, same_size, span};
 use crate::bop::format::{self, CameraEntry, CameraFile};
 use crate::bop::pictures;
 use crate::camera::Intrinsics;
@@ -27,10 +27,10 @@ impl Dataset {
         let scene = self.scene(scene_id)?;
         let folder = self.scene_folder(scene_id);
         let camera = camera(&folder, &scene, im_id)?;
-        let depth_path = depth_path(&folder, im_id).ok();
+        let depth_path = picture_path(&folder, DEPTH, im_id)?;
         let depth = depth_path.as_ref().map(|path| read_depth(path, &folder, im_id, camera)).transpose()?;
         let mut size = depth.as_ref().map(|depth| [depth.width(), depth.height()]);
-        if let Ok(rgb_path) = rgb_path(&folder, im_id) {
+        if let Some(rgb_path) = picture_path(&folder, LOOKS, im_id)? {
             // Its header tells.
             let of_rgb = crate::pictures::size(&rgb_path)?;
             if let (Some(depth_path), Some(size)) = (&depth_path, size) {
@@ -59,10 +59,6 @@ pub(super) fn camera<'a>(folder: &Path, scene: &'a SceneFiles, im_id: u32) -> Re
 
 pub(super) fn in_camera_file(folder: &Path, im_id: u32, message: &str) -> Error {
     Error::invalid(folder.join("scene_camera.json"), format!("image {im_id}, {message}"))
-}
-
-pub(super) fn depth_path(folder: &Path, im_id: u32) -> Result<PathBuf> {
-    picture_path(folder, &["depth"], im_id)
 }
 
 pub(super) fn read_depth(path: &Path, folder: &Path, im_id: u32, camera: &CameraEntry) -> Result<DepthImage> {

@@ -14,7 +14,7 @@ use tract_onnx::pb::{GraphProto, ModelProto, TensorProto};
 ///
 /// # Errors
 /// Which tensor, which file, and what is wrong; the caller names the model.
-pub(super) fn inlined<'a>(model: &'a [u8], folder: &Path) -> Result<Cow<'a, [u8]>, String> {
+pub(super) fn whole<'a>(model: &'a [u8], folder: &Path) -> Result<Cow<'a, [u8]>, String> {
     // What cannot be decoded tells the runtime, in its own words.
     let Ok(mut proto) = ModelProto::decode(model) else { return Ok(Cow::Borrowed(model)) };
     let mut reader = Reader { folder, files: HashMap::new() };

@@ -8,6 +8,7 @@ use serde::de::DeserializeOwned;
 /// The parser's, with the place in the text; and for a list that is longer than its field, which the parser cuts without a word.
 pub fn from_toml<T: DeserializeOwned>(text: &str) -> Result<T, String> {
     let value: T = toml::from_str(text).map_err(|error| error.to_string().trim_end().to_owned())?;
+    // Read again as a tree: from one, errors would not tell their place in the text.
     let tree: toml::Table = toml::from_str(text).map_err(|error| error.to_string())?;
     lists_fit::<T>(&toml::Value::Table(tree))?;
     Ok(value)
