@@ -347,7 +347,17 @@ const MOST_INSTANCES: u32 = 1000;
 pub(super) fn targets(dataset: &Dataset) -> Result<Vec<Target>> {
     let scenes: HashSet<u32> = dataset.scenes()?.into_iter().collect();
     if let Some(targets) = dataset.targets()? {
+        let all = targets.len();
         let of_split: Vec<Target> = targets.into_iter().filter(|t| scenes.contains(&t.scene_id)).collect();
+        if of_split.len() < all {
+            log::warn!(
+                "{}: {} of the {all} targets of test_targets_bop19.json are of scenes that are not in {}{}",
+                dataset.root().display(),
+                all - of_split.len(),
+                dataset.split(),
+                if of_split.is_empty() { ": all that is in the truth is asked for" } else { "" }
+            );
+        }
         if let Some(t) = of_split.iter().find(|t| t.inst_count == 0 || t.inst_count > MOST_INSTANCES) {
             anyhow::bail!(
                 "{}/test_targets_bop19.json: scene {}, image {}, object {}: inst_count = {}: must be 1 to {MOST_INSTANCES}",
@@ -367,8 +377,20 @@ pub(super) fn targets(dataset: &Dataset) -> Result<Vec<Target>> {
         let asked: HashSet<(u32, u32)> = images.iter().map(|image| (image.scene_id, image.im_id)).collect();
         if asked.iter().any(|(scene_id, _)| scenes.contains(scene_id)) {
             targets.retain(|target| asked.contains(&(target.scene_id, target.im_id)));
+        } else {
+            log::warn!(
+                "{}: test_targets_bop24.json names no image of {}: all that is in the truth is asked for",
+                dataset.root().display(),
+                dataset.split()
+            );
         }
     }
+    anyhow::ensure!(
+        !targets.is_empty(),
+        "{}: nothing is asked for: in the truth of {} no object is seen by a tenth or more (visib_fract in scene_gt_info.json)",
+        dataset.root().display(),
+        dataset.split()
+    );
     Ok(targets)
 }
 

@@ -117,6 +117,13 @@ pub fn evaluate(dataset: &Dataset, estimates: &[Estimate]) -> Result<Evaluation>
         .into_par_iter()
         .map(|targets| image(dataset, &models, &by_target, targets))
         .collect::<Result<_>>()?;
+    let short: usize = images.iter().map(|image| image.short).sum();
+    if short > 0 {
+        log::warn!(
+            "{}: {short} targets ask for more instances (inst_count) than the truth has; those that are there count",
+            dataset.root().display()
+        );
+    }
     let cases: Vec<Case> = images.iter().flat_map(|image| &image.cases).copied().collect();
     let absent = of_absent_objects(dataset, estimates)?;
     // Targets may name what the truth has not.
@@ -167,6 +174,8 @@ struct Image {
     cases: Vec<Case>,
     asked: Vec<Asked>,
     lacking: Lacking,
+    /// Targets of more instances than there are.
+    short: usize,
 }
 
 /// Compares what is asked for in one image.
@@ -190,6 +199,8 @@ fn image(
         let seen = |truth: &GroundTruth| truth.info.map_or(1.0, |info| info.visib_fract);
         truths.sort_by(|a, b| seen(b).total_cmp(&seen(a)));
         truths.truncate(*inst_count as usize);
+        // None is an object that is asked for where it is not.
+        image.short += usize::from(!truths.is_empty() && truths.len() < *inst_count as usize);
         if truths.is_empty() {
             continue;
         }

@@ -14,6 +14,8 @@ use crate::{Error, Result};
 
 /// Metres in a millimetre.
 pub(super) const MILLIMETRE: f64 = 1e-3;
+/// No object that a robot's camera sees is smaller.
+const SMALLEST_MM: f64 = 2.0;
 /// Entries of `R Rᵀ` may depart from the identity by this much: files give as few as four digits.
 const ROTATION_TOLERANCE: f64 = 1e-3;
 
@@ -233,6 +235,12 @@ impl ModelFile {
                 return Err(format!("{field} = {value}: must be positive"));
             }
         }
+        if self.diameter < SMALLEST_MM {
+            return Err(format!(
+                "diameter = {}: is less than {SMALLEST_MM} mm; sizes are in millimetres, these seem to be metres",
+                self.diameter
+            ));
+        }
         let discrete = self.symmetries_discrete.iter().enumerate().map(|(index, m)| {
             let [a, b, c, x, d, e, f, y, g, h, i, z, last @ ..] = *m;
             let field = format!("symmetries_discrete[{index}]");
@@ -303,6 +311,20 @@ pub(super) fn isometry(r: &[f64; 9], t_mm: &[f64; 3]) -> std::result::Result<Iso
     Ok(Isometry3::from_parts(Translation3::from(Vector3::from(*t_mm) * MILLIMETRE), rotation))
 }
 
+/// What is wrong where all objects are nearer to the camera than any camera sees: `places` are metres in the frame of the camera, as
+/// read from millimetres.
+pub(super) fn in_metres(field: &str, places: impl Iterator<Item = Vector3<f64>>) -> Option<String> {
+    const NEAREST_M: f64 = 0.02;
+    // What was not found is at the origin in some files.
+    let farthest = places.map(|place| place.norm()).fold(0.0, f64::max);
+    (farthest > 0.0 && farthest < NEAREST_M).then(|| {
+        format!(
+            "the farthest object is {:.3} mm from the camera: translations ({field}) are in millimetres; these seem to be metres",
+            farthest / MILLIMETRE
+        )
+    })
+}
+
 /// Row-major rotation and translation in millimetres.
 pub(super) fn matrix(iso: &Isometry3<f64>) -> ([f64; 9], [f64; 3]) {
     let m = iso.rotation.to_rotation_matrix();
@@ -326,6 +348,11 @@ pub(super) fn load<T: DeserializeOwned>(path: &Path, levels: &[&str]) -> Result<
         let mut message = format!("{place}{inner}");
         if inner.is_syntax() || message.contains("key") {
             message.push_str(&format!(", near `{near}`"));
+        }
+        let padded =
+            near.split_once("\"0").is_some_and(|(_, rest)| rest.starts_with(|c: char| c.is_ascii_digit()));
+        if padded || message.contains("key") {
+            message.push_str("; keys are numbers without zeros before them, as in \"0\"");
         }
         if ["NaN", "Infinity"].iter().any(|word| near.contains(word)) {
             message.push_str("; NaN and Infinity are no numbers in JSON: write a finite one");

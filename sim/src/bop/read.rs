@@ -12,6 +12,8 @@ use super::format::{
     Target, TargetImage,
 };
 use super::pictures::read_mask;
+use nalgebra::Vector3;
+
 use crate::camera::Intrinsics;
 use crate::images::{DepthImage, Image, RgbImage};
 use crate::mesh::Visual;
@@ -229,7 +231,7 @@ impl Dataset {
     /// # Errors
     /// If its file or texture is missing or wrong.
     pub fn load_model(&self, obj_id: u32) -> Result<Visual> {
-        mesh_io::load_ply(&self.models_folder()?.join(format!("obj_{obj_id:06}.ply")), MILLIMETRE)
+        self.sized_model(&self.models_folder()?, obj_id)
     }
 
     /// The model that errors are measured with, metres: of `models_eval` where the data set has it.
@@ -237,8 +239,34 @@ impl Dataset {
     /// # Errors
     /// If its file is missing or wrong.
     pub fn load_evaluation_model(&self, obj_id: u32) -> Result<Visual> {
-        let path = self.root.join(format!("models_eval/obj_{obj_id:06}.ply"));
-        if path.is_file() { mesh_io::load_ply(&path, MILLIMETRE) } else { self.load_model(obj_id) }
+        let folder = self.root.join("models_eval");
+        if model_path(&folder, obj_id).is_file() {
+            self.sized_model(&folder, obj_id)
+        } else {
+            self.load_model(obj_id)
+        }
+    }
+
+    /// A model, of the size that `models_info.json` beside it says, if there is one.
+    fn sized_model(&self, folder: &Path, obj_id: u32) -> Result<Visual> {
+        let path = model_path(folder, obj_id);
+        let model = mesh_io::load_ply(&path, MILLIMETRE)?;
+        let infos: ModelsFile = optional(&folder.join("models_info.json"), &["object"])?.unwrap_or_default();
+        if let (Some(info), Some((low, high))) = (infos.get(&obj_id), model.mesh.bounds()) {
+            // The largest distance between vertices is at least an edge of their bounding box and at most its diagonal.
+            let extents = (high - low) / MILLIMETRE;
+            let fits = (info.diameter >= extents.max() / SLACK) && (info.diameter <= extents.norm() * SLACK);
+            if !fits {
+                return Err(Error::invalid(
+                    path,
+                    format!(
+                        "is {:.4} x {:.4} x {:.4} across, but models_info.json gives it the diameter {}; both are millimetres",
+                        extents.x, extents.y, extents.z, info.diameter
+                    ),
+                ));
+            }
+        }
+        Ok(model)
     }
 
     /// One image with its truth.
@@ -331,9 +359,15 @@ impl Dataset {
             return Ok(Arc::clone(files));
         }
         let folder = self.scene_folder(scene_id);
+        let truth = folder.join("scene_gt.json");
+        let gt: Option<SceneGt> = optional(&truth, &["image", "ground truth"])?;
+        let places = gt.iter().flat_map(BTreeMap::values).flatten().map(|entry| entry.t_m2c);
+        if let Some(message) = format::in_metres("cam_t_m2c", places.map(|t| Vector3::from(t) * MILLIMETRE)) {
+            return Err(Error::invalid(truth, message));
+        }
         let files = Arc::new(SceneFiles {
             camera: format::load(&folder.join("scene_camera.json"), &["image"])?,
-            gt: optional(&folder.join("scene_gt.json"), &["image", "ground truth"])?,
+            gt,
             info: optional(&folder.join("scene_gt_info.json"), &["image", "ground truth"])?,
         });
         lock().insert(scene_id, Arc::clone(&files));
@@ -352,6 +386,13 @@ impl Dataset {
             )
         })
     }
+}
+
+/// Simplified models may be this many times smaller or larger than the one whose diameter was measured.
+const SLACK: f64 = 1.5;
+
+fn model_path(folder: &Path, obj_id: u32) -> PathBuf {
+    folder.join(format!("obj_{obj_id:06}.ply"))
 }
 
 fn ground_truths(folder: &Path, scene: &SceneFiles, gt: &SceneGt, im_id: u32) -> Result<Vec<GroundTruth>> {

@@ -5,7 +5,7 @@
 
 use std::path::Path;
 
-use super::format::{isometry, matrix};
+use super::format::{in_metres, isometry, matrix};
 use crate::files;
 use crate::pose::{Camera, Object, Pose};
 use crate::{Error, Result};
@@ -110,25 +110,11 @@ pub fn read_results(path: &Path) -> Result<Vec<Estimate>> {
         }
         estimates.push(Estimate::parse(&record).map_err(invalid)?);
     }
-    if let Some(distance) = in_metres(&estimates) {
-        return Err(Error::invalid(
-            path,
-            format!(
-                "the farthest object is {:.3} mm from the camera: translations (t) are in millimetres; these seem to be metres",
-                1e3 * distance
-            ),
-        ));
+    let places = estimates.iter().map(|estimate| estimate.camera_from_object.translation().into());
+    match in_metres("t", places) {
+        Some(message) => Err(Error::invalid(path, message)),
+        None => Ok(estimates),
     }
-    Ok(estimates)
-}
-
-/// The farthest object, metres, where all are nearer than any camera sees.
-fn in_metres(estimates: &[Estimate]) -> Option<f64> {
-    const NEAREST_M: f64 = 0.02;
-    let distances = estimates.iter().map(|estimate| estimate.camera_from_object.translation().norm());
-    // What was not found is at the origin in some files.
-    let farthest = distances.fold(0.0, f64::max);
-    (farthest > 0.0 && farthest < NEAREST_M).then_some(farthest)
 }
 
 #[cfg(test)]

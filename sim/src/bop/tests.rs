@@ -324,6 +324,13 @@ fn broken_json_is_told_by_file_image_instance_field_and_value() {
         (models, "0,0,0,1]", "0,0,5,1]", "the last row must be 0, 0, 0, 1"),
         (models, "[0, 0, 1]", "[0, 0, 0]", "object 1, symmetries_continuous[0].axis = [0.0, 0.0, 0.0]"),
         (models, "\"diameter\": 10", "\"diameter\": -10", "object 1, diameter = -10"),
+        (
+            models,
+            "\"diameter\": 10",
+            "\"diameter\": 0.010",
+            "diameter = 0.01: is less than 2 mm; sizes are in millimetres",
+        ),
+        (camera, "\"3\"", "\"000003\"", "keys are numbers without zeros before them"),
         (models, "\"min_x\"", "\"min\"", "object 1: missing field `min_x`"),
         (
             targets,
@@ -345,7 +352,7 @@ fn broken_json_is_told_by_file_image_instance_field_and_value() {
     let folder = tempfile::tempdir().unwrap();
     write(folder.path());
     let path = folder.path().join(gt);
-    let mirrored = r#"{"3": [{"cam_R_m2c": [1,0,0,0,1,0,0,0,-1], "cam_t_m2c": [0,0,9], "obj_id": 1}]}"#;
+    let mirrored = r#"{"3": [{"cam_R_m2c": [1,0,0,0,1,0,0,0,-1], "cam_t_m2c": [0,0,900], "obj_id": 1}]}"#;
     std::fs::write(&path, mirrored).unwrap();
     std::fs::remove_file(folder.path().join(info)).unwrap();
     let message = Dataset::open(folder.path(), None).unwrap().frame(7, 3).unwrap_err().to_string();
@@ -357,6 +364,54 @@ fn broken_json_is_told_by_file_image_instance_field_and_value() {
     let more = mirrored.replace("-1]", "1]").replace("\"obj_id\"", "\"visib\": {\"a\": []}, \"obj_id\"");
     std::fs::write(&path, more).unwrap();
     Dataset::open(folder.path(), None).unwrap().frame(7, 3).unwrap();
+}
+
+#[test]
+fn poses_and_models_in_metres_are_told() {
+    let folder = tempfile::tempdir().unwrap();
+    let scene = write(folder.path());
+    let path = scene.join("scene_gt.json");
+    let metres = r#"{"3": [{"cam_R_m2c": [1,0,0,0,1,0,0,0,1], "cam_t_m2c": [0.1,0,0.9], "obj_id": 1}]}"#;
+    std::fs::write(&path, metres).unwrap();
+    std::fs::remove_file(scene.join("scene_gt_info.json")).unwrap();
+    let message = Dataset::open(folder.path(), None).unwrap().images(7).unwrap_err().to_string();
+    assert!(
+        message.contains("scene_gt.json") && message.contains("(cam_t_m2c) are in millimetres"),
+        "{message}"
+    );
+
+    let models = folder.path().join("models");
+    std::fs::create_dir(&models).unwrap();
+    let cube = |edge: f64| {
+        let corners = (0..8).map(|i| {
+            format!(
+                "{} {} {}\n",
+                edge * f64::from(i & 1),
+                edge * f64::from(i >> 1 & 1),
+                edge * f64::from(i >> 2)
+            )
+        });
+        let faces = "4 0 1 3 2\n4 4 6 7 5\n4 0 4 5 1\n4 2 3 7 6\n4 0 2 6 4\n4 1 5 7 3\n";
+        format!(
+            "ply\nformat ascii 1.0\nelement vertex 8\nproperty float x\nproperty float y\nproperty float z\nelement face 6\n\
+             property list uchar int vertex_indices\nend_header\n{}{faces}",
+            corners.collect::<String>()
+        )
+    };
+    let info = r#"{"1": {"diameter": 104, "min_x": 0, "min_y": 0, "min_z": 0, "size_x": 60, "size_y": 60, "size_z": 60}}"#;
+    std::fs::write(models.join("models_info.json"), info).unwrap();
+    let load = |edge: f64| {
+        std::fs::write(models.join("obj_000001.ply"), cube(edge)).unwrap();
+        Dataset::open(folder.path(), None).unwrap().load_evaluation_model(1)
+    };
+    assert!(load(60.0).is_ok() && load(50.0).is_ok());
+    for edge in [0.06, 6.0, 60e3] {
+        let message = load(edge).unwrap_err().to_string();
+        assert!(
+            message.contains("obj_000001.ply") && message.contains("gives it the diameter 104"),
+            "{message}"
+        );
+    }
 }
 
 #[test]

@@ -268,10 +268,32 @@ mod tests {
     }
 
     #[test]
+    fn ply_text_is_read_as_programs_write_numbers_and_lines() {
+        let plain = format!("{PLY_HEAD}{PLY_BODY}");
+        let normals = plain
+            .replace(
+                "property float texture_u",
+                "property float nx\nproperty float ny\nproperty float nz\nproperty float texture_u",
+            )
+            .replace("1000 0 0 1 0", "1.e3 0 0 nan -nan inf 1. .0")
+            .replace("0 0 0 0 0\n", "0 0 0 0 0 1 0 0\n")
+            .replace("1000 1000 0 1 1", "1000 1000 0 0 0 1 1 1")
+            .replace("0 1000 0 0 1", "0 1000 0 0 0 1 0 1");
+        for text in [plain.replace('\n', "\r"), plain.replace('\n', "\r\n"), normals] {
+            let (_keep, path) = folder("a.ply", text.as_bytes());
+            check_square(&load_ply(&path, 1e-3).unwrap_or_else(|error| panic!("{text}: {error}")));
+        }
+        // All of a file that has no lines is not cited.
+        let (_keep, path) = folder("a.ply", plain.replace('\n', "  ").repeat(9).as_bytes());
+        assert!(load_ply(&path, 1e-3).unwrap_err().to_string().len() < 600);
+    }
+
+    #[test]
     fn ply_errors_name_the_file_and_the_reason() {
         let text = format!("{PLY_HEAD}{PLY_BODY}");
         for (from, to, wanted) in [
-            ("1000 1000 0 1 1", "nan 1000 0 1 1", "near line 15"),
+            ("1000 1000 0 1 1", "nan 1000 0 1 1", "vertex 2"),
+            ("1000 1000 0 1 1", "1000 1,5 0 1 1", "near line 15"),
             ("1000 1000 0 1 1", "1e30 1000 0 1 1", "vertex 2"),
             ("4 0 1 2 3", "4 0 1 2 9", "vertex 9"),
             ("4 0 1 2 3", "3 0 1 -2", "face 0"),

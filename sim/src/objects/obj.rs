@@ -46,7 +46,25 @@ pub(crate) fn load(path: &Path) -> Result<Obj> {
     models.iter_mut().for_each(|model| cut(&mut model.mesh));
     let materials =
         materials.map_err(|error| unreadable(wrong.take().unwrap_or_else(|| error.to_string())))?;
-    Ok(Obj { models, materials, absent: absent.take() })
+    let absent = absent.take();
+    if absent.is_none() {
+        let mut unknown: Vec<&str> = object
+            .split(['\n', '\r'])
+            .filter_map(|line| line.trim_start().strip_prefix("usemtl "))
+            .map(str::trim)
+            .filter(|name| materials.iter().all(|material| material.name.trim() != *name))
+            .collect();
+        unknown.sort_unstable();
+        unknown.dedup();
+        if !unknown.is_empty() {
+            log::warn!(
+                "{}: uses materials that no library of it has, which are grey: {}",
+                path.display(),
+                unknown.join(", ")
+            );
+        }
+    }
+    Ok(Obj { models, materials, absent })
 }
 
 /// The mesh of a model. Texture coordinates and colours are none where not every vertex has them, as where faces with and without
@@ -110,6 +128,11 @@ fn cut(mesh: &mut tobj::Mesh) {
 fn mended_object(text: &str, folder: &Path) -> std::result::Result<String, String> {
     let text = text.replace("\\\r\n", " ").replace("\\\n", " ");
     let ends: &[char] = if text.contains('\n') { &['\n'] } else { &['\r'] };
+    // Faces may come before what they are made of.
+    let count =
+        |keyword| text.split(ends).filter(|line| line.split_whitespace().next() == Some(keyword)).count();
+    let all = ["v", "vt", "vn"].map(count);
+    let mut so_far = [0; 3];
     let mut mended = String::with_capacity(text.len());
     for (i, line) in text.split(ends).enumerate() {
         let mut words = line.split_whitespace();
@@ -128,6 +151,13 @@ fn mended_object(text: &str, folder: &Path) -> std::result::Result<String, Strin
                 {
                     return Err(format!("line {}, '{}': '{word}' is no number", i + 1, line.trim()));
                 }
+                match keyword {
+                    "f" => face(line, all, so_far)
+                        .map_err(|reason| format!("line {}, '{}': {reason}", i + 1, line.trim()))?,
+                    "v" => so_far[0] += 1,
+                    "vt" => so_far[1] += 1,
+                    _ => so_far[2] += 1,
+                }
                 mended += line;
             }
             _ => mended += line,
@@ -135,6 +165,26 @@ fn mended_object(text: &str, folder: &Path) -> std::result::Result<String, Strin
         mended.push('\n');
     }
     Ok(mended)
+}
+
+/// Checks a face's numbers of vertices, texture coordinates and normals: `all` there are, `so_far` before it.
+fn face(line: &str, all: [usize; 3], so_far: [usize; 3]) -> std::result::Result<(), String> {
+    const WHAT: [&str; 3] = ["vertices", "texture coordinates (vt)", "normals (vn)"];
+    for corner in line.split_whitespace().skip(1) {
+        for (i, word) in corner.split('/').enumerate() {
+            let index = match word.parse::<i64>() {
+                Err(_) if word.is_empty() && i > 0 => continue,
+                Ok(index) if i < 3 => index,
+                _ => return Err(format!("'{corner}' is no corner; write v, v/vt, v//vn or v/vt/vn")),
+            };
+            // Numbers begin at 1; those below 0 count back from the last one before.
+            let there = if index > 0 { all[i] } else { so_far[i] };
+            if index == 0 || index.unsigned_abs() > there as u64 {
+                return Err(format!("names {index} of {there} {}", WHAT[i]));
+            }
+        }
+    }
+    Ok(())
 }
 
 /// Names of material libraries: one with spaces in it, or several.
@@ -252,11 +302,25 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let mended = |text: &str| mended_object(text, folder.path());
         assert_eq!(
-            mended("f 1 \\\n2 3 # c\nl 1 2 3\nv 0 0 1 1 0 0\n"),
-            Ok("f 1  2 3 \n\nv 0 0 1 1 0 0\n\n".into())
+            mended("f 1 \\\n1 1 # c\nl 1 2 3\nv 0 0 1 1 0 0\n"),
+            Ok("f 1  1 1 \n\nv 0 0 1 1 0 0\n\n".into())
         );
         assert_eq!(mended("v 0 0 0\rv 1 0 0"), Ok("v 0 0 0\nv 1 0 0\n".into()));
         assert_eq!(mended("v 0,5 1 2"), Err("line 1, 'v 0,5 1 2': '0,5' is no number".into()));
+        let corners = "v 0 0 0\nv 1 0 0\nf 1 2 3\nv 0 1 0\nf 1 2 -3\nvn 0 0 1\nf 1//1 2//1 3//-1\n";
+        assert!(mended(corners).is_ok());
+        for (from, to, wanted) in [
+            ("f 1 2 3", "f 1 2 4", "line 3, 'f 1 2 4': names 4 of 3 vertices"),
+            ("f 1 2 3", "f 1 2 -3", "line 3, 'f 1 2 -3': names -3 of 2 vertices"),
+            ("f 1 2 3", "f 0 1 2", "line 3, 'f 0 1 2': names 0 of 2 vertices"),
+            ("1//1", "1/1", "names 1 of 0 texture coordinates"),
+            ("1//1", "x", "'x' is no corner"),
+            ("//-1", "//-2", "line 7, 'f 1//1 2//1 3//-2': names -2 of 1 normals"),
+        ] {
+            let text = corners.replacen(from, to, 1);
+            let error = mended(&text).unwrap_err();
+            assert!(error.contains(wanted), "{wanted}\n{error}");
+        }
         std::fs::write(folder.path().join("b.mtl"), "newmtl b").unwrap();
         assert_eq!(libraries("a.mtl b.mtl", folder.path()), ["a.mtl", "b.mtl"]);
         assert_eq!(libraries("my file.mtl", folder.path()), ["my file.mtl"]);

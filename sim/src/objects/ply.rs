@@ -35,10 +35,12 @@ pub fn load_ply(path: &Path, unit_scale: f64) -> Result<Visual> {
 /// # Errors
 /// What is wrong; the caller names the file.
 pub(crate) fn parse(bytes: &[u8], unit_scale: f64) -> std::result::Result<(Mesh, Option<String>), String> {
-    let bytes = plain_header(bytes);
+    let bytes = plain(bytes);
     let ply = Parser::<DefaultElement>::new().read_ply(&mut &*bytes).map_err(|error| {
         let at = error.line().map(|line| format!(" near line {line}")).unwrap_or_default();
-        format!("not a readable PLY file, or cut off{at}: {error}")
+        // The parser cites the line, which may be all of the file.
+        let reason: String = error.to_string().chars().take(200).collect();
+        format!("not a readable PLY file, or cut off{at}: {reason}")
     })?;
     let vertices = ply.payload.get("vertex").ok_or("has no element 'vertex'")?;
     let faces = ply.payload.get("face").ok_or("has no element 'face': holds no triangles")?;
@@ -151,14 +153,48 @@ pub(crate) fn parse(bytes: &[u8], unit_scale: f64) -> std::result::Result<(Mesh,
     Ok((mesh, texture))
 }
 
-/// Comments in an 8-bit encoding do no harm: what is not ASCII in the header is left out.
-fn plain_header(bytes: &[u8]) -> Cow<'_, [u8]> {
+/// A file with what the parser does not bear put right: comments in an 8-bit encoding, and in text line ends of an old Mac and
+/// numbers such as `nan` and `.5`.
+fn plain(bytes: &[u8]) -> Cow<'_, [u8]> {
     const END: &[u8] = b"end_header";
     let end = bytes.windows(END.len()).position(|window| window == END).unwrap_or(0);
-    if std::str::from_utf8(&bytes[..end]).is_ok() {
+    let (header, rest) = bytes.split_at(end);
+    let is_text = header.windows(12).any(|window| window == b"format ascii");
+    let old = is_text && !header.contains(&b'\n');
+    let odd = is_text
+        && rest[END.len().min(rest.len())..].split(u8::is_ascii_whitespace).any(|word| !is_plain(word));
+    if header.is_ascii() && !old && !odd {
         return Cow::Borrowed(bytes);
     }
-    let mut plain = bytes.to_vec();
-    plain[..end].iter_mut().filter(|byte| !byte.is_ascii()).for_each(|byte| *byte = b'?');
+    let mut plain: Vec<u8> = header.iter().map(|byte| if byte.is_ascii() { *byte } else { b'?' }).collect();
+    if odd {
+        for word in rest.split_inclusive(u8::is_ascii_whitespace) {
+            let (number, space) = word.split_at(word.trim_ascii_end().len());
+            plain.extend(
+                numeral(number).map_or(Cow::Borrowed(number), |text| Cow::Owned(text.into_bytes())).iter(),
+            );
+            plain.extend(space);
+        }
+    } else {
+        plain.extend(rest);
+    }
+    if old {
+        plain.iter_mut().filter(|byte| **byte == b'\r').for_each(|byte| *byte = b'\n');
+    }
     Cow::Owned(plain)
+}
+
+/// Whether the parser takes a word for a number, if it is one.
+fn is_plain(word: &[u8]) -> bool {
+    let digits = word.strip_prefix(b"-").or(word.strip_prefix(b"+")).unwrap_or(word);
+    let digit = |byte: Option<&u8>| byte.is_none_or(u8::is_ascii_digit);
+    // `1.` and `1.e3` lack a digit behind the point.
+    let point = digits.iter().position(|byte| *byte == b'.');
+    digit(digits.first()) && point.is_none_or(|at| digits.get(at + 1).is_some_and(u8::is_ascii_digit))
+}
+
+/// A number in digits. What is none or endless becomes more than the largest float, which is endless again when it is read.
+fn numeral(word: &[u8]) -> Option<String> {
+    let number: f64 = std::str::from_utf8(word).ok().filter(|_| !is_plain(word))?.parse().ok()?;
+    Some(if number.is_finite() { format!("{number:e}") } else { "1e39".to_owned() })
 }

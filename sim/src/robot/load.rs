@@ -333,6 +333,13 @@ impl Loader<'_> {
             .material
             .as_ref()
             .and_then(|material| own_color(material).or_else(|| self.materials.get(&material.name).cloned()));
+        if let (Some(named), None) = (&visual.material, &material) {
+            log::warn!(
+                "{}: a visual has the material '{}', of which no colour is given; it is grey",
+                self.urdf.display(),
+                named.name
+            );
+        }
         let own = |mesh: Mesh| vec![(Arc::new(mesh), None)];
         let parts = match &visual.geometry {
             Geometry::Box { size } => own(primitives::cuboid_mesh(sizes(**size)?)),

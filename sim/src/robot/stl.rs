@@ -1,7 +1,7 @@
 //! STL files, binary and text, as exporters write them.
 //!
-//! Capitals, a byte order mark, a name of several lines, bytes after the last triangle and a binary header that begins with `solid`
-//! do no harm. Normals are left out: exporters leave them zero or wrong.
+//! Capitals, a byte order mark, comments, a name of several lines, all in one line, bytes after the last triangle and a binary header
+//! that begins with `solid` do no harm. Normals are left out: exporters leave them zero or wrong.
 
 use nalgebra::Point3;
 
@@ -34,7 +34,11 @@ fn count(bytes: &[u8]) -> Option<usize> {
 
 /// Text begins with `solid`; so do headers of binary files, which the length or bytes that are no text give away.
 fn is_text(bytes: &[u8]) -> bool {
-    let head = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes).trim_ascii_start();
+    let mut head = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes).trim_ascii_start();
+    while head.starts_with(b"#") {
+        let end = head.iter().position(|byte| matches!(byte, b'\n' | b'\r')).unwrap_or(head.len());
+        head = head[end..].trim_ascii_start();
+    }
     let solid = head.get(..5).is_some_and(|word| word.eq_ignore_ascii_case(b"solid"));
     let binary = count(bytes).is_some_and(|count| bytes.len() == HEADER + TRIANGLE * count)
         || bytes.iter().take(512).any(|&byte| byte == 0);
@@ -53,10 +57,14 @@ fn of_binary(bytes: &[u8]) -> Result<Vec<Point3<f32>>, String> {
     if triangles.len() < count {
         return Err(format!("binary STL is cut off: {} of {count} triangles", triangles.len()));
     }
-    if count == 0 && !triangles.is_empty() {
+    // Bytes behind the last triangle are an exporter's own, but not where they are triangles too.
+    let more = bytes.len() - HEADER - TRIANGLE * count;
+    if more > 0 && (count == 0 || more.is_multiple_of(TRIANGLE) && triangles[count..].iter().any(is_triangle))
+    {
         return Err(format!(
-            "binary STL says that it has no triangles, but goes on for {} bytes",
-            bytes.len() - HEADER
+            "binary STL says that it has {count} triangles, but goes on for {more} bytes, {} triangles more; write it again, or put \
+             their number into bytes 80 to 83",
+            more / TRIANGLE
         ));
     }
     let vertex = |bytes: &[u8]| {
@@ -66,19 +74,37 @@ fn of_binary(bytes: &[u8]) -> Result<Vec<Point3<f32>>, String> {
     Ok(triangles[..count].iter().flat_map(|t| [&t[12..24], &t[24..36], &t[36..48]].map(vertex)).collect())
 }
 
+fn begins<'a>(mut words: impl Iterator<Item = &'a str>, with: [&str; 2]) -> bool {
+    with.iter().all(|word| words.next().is_some_and(|next| next.eq_ignore_ascii_case(word)))
+}
+
+/// Whether bytes can be a triangle with an area.
+fn is_triangle(bytes: &[u8; TRIANGLE]) -> bool {
+    let (floats, _) = bytes[..48].as_chunks::<4>();
+    let floats = floats.iter().map(|bytes| f32::from_le_bytes(*bytes));
+    floats.clone().all(f32::is_finite) && floats.skip(3).any(|value| value.abs() > 1e-9)
+}
+
 fn of_text(text: &str) -> Result<Vec<Point3<f32>>, String> {
     let mut positions: Vec<Point3<f32>> = Vec::new();
     // Where the facet began that is being read, and whether one was seen in this solid, or its end.
     let (mut facet, mut named, mut ended) = (None, false, false);
     for (index, line) in text.split(['\n', '\r']).enumerate() {
         let wrong = |what: String| format!("text STL, line {}: {what}", index + 1);
+        if line.trim_start().starts_with('#') {
+            continue;
+        }
         let mut words = line.split_ascii_whitespace();
         while let Some(word) = words.next() {
             match word.to_ascii_lowercase().as_str() {
-                // The rest of the line is a name.
+                // The rest of the line is a name, or there is but one line.
                 "solid" | "endsolid" if facet.is_none() => {
-                    (named, ended) = (false, word.len() > "solid".len());
-                    break;
+                    while !words.clone().next().is_none_or(|word| word.eq_ignore_ascii_case("endsolid"))
+                        && !begins(words.clone(), ["facet", "normal"])
+                    {
+                        words.next();
+                    }
+                    (named, ended) = (false, word.len() > "solid".len() && words.clone().next().is_none());
                 }
                 "facet" if facet.is_none() => {
                     (facet, named) = (Some(positions.len()), true);
@@ -139,7 +165,7 @@ mod tests {
     fn the_same_triangle_however_it_is_written() {
         let wide: Vec<u8> =
             std::iter::once(0xfeff).chain(TEXT.encode_utf16()).flat_map(u16::to_le_bytes).collect();
-        let files: [(&str, Vec<u8>); 12] = [
+        let files: [(&str, Vec<u8>); 15] = [
             ("text", TEXT.into()),
             ("capitals", TEXT.to_uppercase().into()),
             ("byte order mark", format!("\u{feff}{TEXT}").into()),
@@ -148,6 +174,9 @@ mod tests {
             ("a name of lines", TEXT.replacen("a part", "a part\nmade by X\nfor Y", 1).into()),
             ("a name of another encoding", [b"solid gr\xfcn\n".as_slice(), &TEXT.as_bytes()[13..]].concat()),
             ("no name, spaces before", TEXT.replace(" a part", "").replacen("solid", "  solid", 1).into()),
+            ("one line", TEXT.replace('\n', " ").into()),
+            ("a comment before", format!("# facet of X\n{TEXT}").into()),
+            ("a name that is a keyword", TEXT.replace("a part", "facet").into()),
             ("binary", binary(b"", 1)),
             ("binary that begins with solid", binary(b"solid exported by Z", 1)),
             ("binary and more", [binary(b"", 1), vec![7; 33]].concat()),
@@ -162,8 +191,10 @@ mod tests {
                 "{what}"
             );
         }
-        let two = load(format!("{TEXT}{}", TEXT.replace("solid", "SOLID")).as_bytes()).unwrap();
-        assert_eq!(two.triangles, [[0, 1, 2], [3, 4, 5]]);
+        let two = format!("{TEXT}{}", TEXT.replace("solid", "SOLID"));
+        for two in [two.replace('\n', " "), two] {
+            assert_eq!(load(two.as_bytes()).unwrap().triangles, [[0, 1, 2], [3, 4, 5]]);
+        }
     }
 
     #[test]
@@ -182,6 +213,12 @@ mod tests {
         assert!(load(&binary(b"", 3)[..70]).unwrap_err().contains("70 bytes"));
         let mut none = binary(b"", 3);
         none[80..84].fill(0);
-        assert!(load(&none).unwrap_err().contains("no triangles"));
+        assert!(
+            load(&none).unwrap_err().contains("it has 0 triangles, but goes on for 150 bytes, 3 triangles")
+        );
+        none[80] = 2;
+        assert!(load(&none).unwrap_err().contains("it has 2 triangles"));
+        let padded = [binary(b"", 3), vec![0; 100]].concat();
+        assert_eq!(load(&padded).unwrap().triangles.len(), 3);
     }
 }

@@ -77,6 +77,13 @@ fn check(node: Node<'_, '_>, parent: Node<'_, '_>) -> Result<()> {
             require(node, &["joint"])?;
             numbers(node, &[("multiplier", 1), ("offset", 1)])
         }
+        ("joint", "dynamics") => numbers(node, &[("damping", 1), ("friction", 1)]),
+        ("joint", "calibration") => numbers(node, &[("rising", 1), ("falling", 1)]),
+        ("joint", "safety_controller") => {
+            require(node, &["k_velocity"])?;
+            let all = ["soft_lower_limit", "soft_upper_limit", "k_position", "k_velocity"];
+            numbers(node, &all.map(|name| (name, 1)))
+        }
         ("joint", "limit") => numbers(node, &[("lower", 1), ("upper", 1), ("velocity", 1), ("effort", 1)]),
         ("joint", "axis") => {
             require(node, &["xyz"])?;
@@ -111,10 +118,14 @@ fn check(node: Node<'_, '_>, parent: Node<'_, '_>) -> Result<()> {
             child(node, "geometry")
         }
         (_, "geometry") => geometry(node),
-        ("robot" | "visual", "material") => once(node, &["color", "texture"]),
+        ("robot" | "visual", "material") => {
+            require(node, &["name"])?;
+            once(node, &["color", "texture"])
+        }
         ("material", "color") => {
             require(node, &["rgba"])?;
-            numbers(node, &[("rgba", 4)])
+            numbers(node, &[("rgba", 4)])?;
+            color(node)
         }
         ("material", "texture") => {
             log::warn!("{}: textures of URDF materials are not read; its colour counts", about(node));
@@ -122,6 +133,22 @@ fn check(node: Node<'_, '_>, parent: Node<'_, '_>) -> Result<()> {
         }
         _ => Ok(()),
     }
+}
+
+/// Shares of 0 to 1; what is less or more counts as these, as in RViz.
+fn color(node: Node<'_, '_>) -> Result<()> {
+    let text = node.attribute("rgba").unwrap_or_default();
+    let shares = || text.split_whitespace().filter_map(|word| word.parse::<f64>().ok());
+    if shares().any(f64::is_nan) {
+        return Err(format!("{}: rgba=\"{text}\": must be four numbers of 0 to 1", about(node)));
+    }
+    if shares().any(|share| !(0.0..=1.0).contains(&share)) {
+        log::warn!(
+            "{}: rgba=\"{text}\": shares are 0 to 1, and what is more counts as 1; divide by 255",
+            about(node)
+        );
+    }
+    Ok(())
 }
 
 /// What the robot says, 1.0 where it says nothing or no version.
@@ -323,6 +350,22 @@ mod tests {
                 "rgba=\"1 0 0 1\"",
                 "rgba=\"1 0 0\"",
                 "material 'red', <color>, line 2: rgba=\"1 0 0\": are 3 numbers, not 4",
+            ),
+            (
+                "rgba=\"1 0 0 1\"",
+                "rgba=\"1 nan 0 1\"",
+                "material 'red', <color>, line 2: rgba=\"1 nan 0 1\": must be four numbers of 0 to 1",
+            ),
+            ("<material name=\"red\">", "<material>", "material 'without a name', line 2: has no name"),
+            (
+                limit,
+                &format!("{limit}<dynamics damping=\"abc\"/>"),
+                "joint 'slide', <dynamics>, line 8: damping=\"abc\": 'abc' is no number",
+            ),
+            (
+                limit,
+                &format!("{limit}<safety_controller/>"),
+                "joint 'slide', <safety_controller>, line 8: has no k_velocity",
             ),
             (
                 "xyz=\"0 0 1\"",

@@ -7,8 +7,8 @@ use std::path::{Component, Path};
 
 use grip_sim::files;
 use prost::Message;
-use tract_onnx::pb::tensor_proto::DataLocation;
-use tract_onnx::pb::{GraphProto, ModelProto, TensorProto};
+use tract_onnx::pb::tensor_proto::{DataLocation, DataType};
+use tract_onnx::pb::{GraphProto, ModelProto, TensorProto, ValueInfoProto, tensor_shape_proto, type_proto};
 
 /// The model in one piece, with only what is given as inputs; the bytes themselves where it is so.
 ///
@@ -31,6 +31,73 @@ pub(super) fn whole<'a>(model: &'a [u8], folder: &Path) -> Result<Cow<'a, [u8]>,
         return Ok(Cow::Borrowed(model));
     }
     Ok(Cow::Owned(proto.encode_to_vec()))
+}
+
+/// Refuses a model with other inputs and outputs than a detector's, before a runtime does so in its own words.
+///
+/// # Errors
+/// What it has, and what is wanted; the caller names the model.
+pub(super) fn fits(model: &[u8]) -> Result<(), String> {
+    let proto = ModelProto::decode(model).map_err(|error| format!("no ONNX model: {error}"))?;
+    let graph = proto.graph.as_ref().ok_or("no ONNX model: it has no graph")?;
+    match &graph.input[..] {
+        [image] if image.name == "image" && is_float(image, [Some(1), Some(3), None, None]) => {}
+        inputs => {
+            return Err(format!(
+                "has the inputs {}; a detector has one, 'image', float of (1, 3, height, width)",
+                listed(inputs)
+            ));
+        }
+    }
+    for name in ["classes", "shapes"] {
+        if !graph.output.iter().any(|output| output.name == name && is_float(output, [None; 4])) {
+            return Err(format!(
+                "has the outputs {}; a detector has 'classes', float of (1, 1 + objects, rows, columns), and 'shapes', float of \
+                 (1, aspect ratios, rows, columns)",
+                listed(&graph.output)
+            ));
+        }
+    }
+    Ok(())
+}
+
+fn tensor(value: &ValueInfoProto) -> Option<&type_proto::Tensor> {
+    let type_proto::Value::TensorType(tensor) = value.r#type.as_ref()?.value.as_ref()?;
+    Some(tensor)
+}
+
+/// Sizes along the axes, where they are fixed.
+fn sizes(tensor: &type_proto::Tensor) -> Option<Vec<Option<i64>>> {
+    let size = |axis: &tensor_shape_proto::Dimension| match axis.value {
+        Some(tensor_shape_proto::dimension::Value::DimValue(size)) => Some(size),
+        _ => None,
+    };
+    Some(tensor.shape.as_ref()?.dim.iter().map(size).collect())
+}
+
+/// Whether a value is a tensor of floats; what it does not say of its shape, or leaves open, fits.
+fn is_float(value: &ValueInfoProto, wanted: [Option<i64>; 4]) -> bool {
+    let fits = |sizes: Vec<Option<i64>>| {
+        let pairs =
+            || sizes.iter().zip(&wanted).filter_map(|(has, wanted)| Some((has.as_ref()?, wanted.as_ref()?)));
+        sizes.len() == wanted.len() && pairs().all(|(has, wanted)| has == wanted)
+    };
+    tensor(value)
+        .is_some_and(|tensor| tensor.elem_type == DataType::Float as i32 && sizes(tensor).is_none_or(fits))
+}
+
+/// `image float16 (1, 3, ?, ?)`.
+fn listed(values: &[ValueInfoProto]) -> String {
+    let one = |value: &ValueInfoProto| {
+        let kind = tensor(value).and_then(|tensor| DataType::try_from(tensor.elem_type).ok());
+        let kind = kind.map_or("no tensor".to_owned(), |kind| kind.as_str_name().to_lowercase());
+        let shape = tensor(value).and_then(sizes).map_or(String::new(), |sizes| {
+            let size = |size: &Option<i64>| size.map_or("?".to_owned(), |size| size.to_string());
+            format!(" ({})", sizes.iter().map(size).collect::<Vec<_>>().join(", "))
+        });
+        format!("{} {kind}{shape}", value.name)
+    };
+    if values.is_empty() { "none".to_owned() } else { values.iter().map(one).collect::<Vec<_>>().join(", ") }
 }
 
 struct Reader<'a> {

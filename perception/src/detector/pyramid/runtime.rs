@@ -9,12 +9,13 @@ use ort::environment::Environment;
 use ort::ep;
 use ort::session::Session;
 use ort::session::builder::GraphOptimizationLevel;
-use ort::value::{Tensor, TensorElementType, ValueType};
+use ort::value::Tensor;
 use prost::Message;
 use sha2::{Digest, Sha256};
 use tract_onnx::pb::{ModelProto, TensorShapeProto, ValueInfoProto, tensor_shape_proto, type_proto};
 
 use super::description::DetectorDescription;
+use super::exported::fits;
 use super::rehearsal::rehearse;
 use crate::error::{Error, Result};
 
@@ -135,13 +136,13 @@ impl Network {
         };
         // No whole number of cells: these are cut off.
         let (width, height) = (8 * network.stride + 3, 6 * network.stride + 1);
+        fits(model).map_err(|message| network.wrong(&message))?;
         if !ours && !native {
             let of_size = network.of_size([width, height])?;
             for (model, size) in [(model, None), (&*of_size, Some([width, height]))] {
                 rehearse(model, size).map_err(|message| network.wrong(&message))?;
             }
         }
-        network.check(&network.session(model)?)?;
         network.run(vec![0.5; 3 * width * height], width, height)?;
         Ok(network)
     }
@@ -241,30 +242,6 @@ impl Network {
             })?;
         }
         builder.commit_from_memory(model).map_err(|e| failed(&e))
-    }
-
-    /// Refuses a network with other inputs and outputs.
-    fn check(&self, session: &Session) -> Result<()> {
-        let float = |value: &ValueType| matches!(value, ValueType::Tensor { ty: TensorElementType::Float32, shape, .. } if shape.len() == 4);
-        let named = |outlets: &[ort::value::Outlet]| {
-            outlets.iter().map(|o| format!("{} {}", o.name(), o.dtype())).collect::<Vec<_>>().join(", ")
-        };
-        let (inputs, outputs) = (session.inputs(), session.outputs());
-        if inputs.len() != 1 || inputs[0].name() != "image" || !float(inputs[0].dtype()) {
-            return Err(self.wrong(&format!(
-                "has the inputs {}; a detector has one, 'image', float of (1, 3, height, width)",
-                named(inputs)
-            )));
-        }
-        for name in ["classes", "shapes"] {
-            if !outputs.iter().any(|output| output.name() == name && float(output.dtype())) {
-                return Err(self.wrong(&format!(
-                    "has the outputs {}; a detector has 'classes', float of (1, 1 + objects, rows, columns), and 'shapes', float of (1, aspect ratios, rows, columns)",
-                    named(outputs)
-                )));
-            }
-        }
-        Ok(())
     }
 
     fn wrong(&self, message: &str) -> Error {
