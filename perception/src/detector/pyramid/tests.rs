@@ -303,3 +303,39 @@ fn weights_that_are_listed_as_inputs_are_no_inputs() {
     let ours = network().look(&image).unwrap();
     assert!(old.maps.iter().zip(&ours.maps).all(|(a, b)| a.classes == b.classes));
 }
+
+#[test]
+fn a_network_of_other_inputs_or_outputs_is_refused_by_what_it_has() {
+    use prost::Message;
+    use tract_onnx::pb::tensor_shape_proto::dimension::Value::DimValue;
+    use tract_onnx::pb::{GraphProto, ModelProto, ValueInfoProto, type_proto};
+
+    fn tensor(value: &mut ValueInfoProto) -> &mut type_proto::Tensor {
+        let type_proto::Value::TensorType(tensor) = value.r#type.as_mut().unwrap().value.as_mut().unwrap();
+        tensor
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("theirs.onnx");
+    std::fs::write(path.with_extension("json"), DESCRIPTION).unwrap();
+    let cases: [(fn(&mut GraphProto), &str); 6] = [
+        (|graph| tensor(&mut graph.input[0]).elem_type = 10, "the inputs image float16 (1, 3, ?, ?);"),
+        (|graph| tensor(&mut graph.input[0]).elem_type = 2, "the inputs image uint8 (1, 3, ?, ?);"),
+        (
+            |graph| {
+                let shape = tensor(&mut graph.input[0]).shape.as_mut().unwrap();
+                shape.dim[1].value = Some(DimValue(1));
+            },
+            "the inputs image float (1, 1, ?, ?); a detector has one, 'image', float of (1, 3, height, width)",
+        ),
+        (|graph| graph.input[0].name = "images".into(), "the inputs images float"),
+        (|graph| graph.input.clear(), "the inputs none;"),
+        (|graph| graph.output[0].name = "boxes".into(), "the outputs boxes float"),
+    ];
+    for (change, wanted) in cases {
+        let mut proto = ModelProto::decode(MODEL).unwrap();
+        change(proto.graph.as_mut().unwrap());
+        std::fs::write(&path, proto.encode_to_vec()).unwrap();
+        let error = PyramidCnn::open(&path, &Providers::default()).unwrap_err().to_string();
+        assert!(error.contains("theirs.onnx") && error.contains(wanted), "{wanted}\n{error}");
+    }
+}
