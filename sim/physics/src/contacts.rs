@@ -48,6 +48,31 @@ impl Body {
 pub struct FingerContact {
     /// Normal force on the object, newtons, world frame.
     pub force: Vector3<f64>,
+    /// Friction on the object, newtons, world frame.
+    pub friction: Vector3<f64>,
+    /// Sums over the contact points, weighted by their normal forces: newtons, newton metres, newton square metres.
+    points: (f64, Vector3<f64>, f64),
+}
+
+impl FingerContact {
+    /// Root mean square distance of the contact points from their middle, metres.
+    pub fn spread(&self) -> f64 {
+        let (weight, first, second) = self.points;
+        if weight > 0.0 { (second / weight - (first / weight).norm_squared()).max(0.0).sqrt() } else { 0.0 }
+    }
+
+    /// The same on the other body.
+    fn reaction(self) -> Self {
+        Self { force: -self.force, friction: -self.friction, ..self }
+    }
+
+    fn add(&mut self, other: &Self) {
+        self.force += other.force;
+        self.friction += other.friction;
+        self.points.0 += other.points.0;
+        self.points.1 += other.points.1;
+        self.points.2 += other.points.2;
+    }
 }
 
 /// The contacts of one object in the last step.
@@ -94,29 +119,44 @@ pub(crate) struct Contacts {
     pub objects: Vec<ObjectContacts>,
     /// Net normal force on the two fingers by what is fixed, newtons, world frame.
     pub on_fingers: Vector3<f64>,
+    /// Net force on the two fingers by all but each other, newtons, world frame.
+    pub on_hand: Vector3<f64>,
     /// Largest normal force on a single robot link that is not a finger, newtons, and that link.
     pub link_force: Option<(f64, usize)>,
 }
 
-/// Newtons on the first body of `pair`, world frame, from the impulses that the solver really applied.
+/// What the first body of `pair`, whose collider is `first`, feels, from the impulses that the solver really applied; none where it
+/// applied none.
 ///
 /// `ContactPair::total_impulse` would count stale impulses of points that the solver did not see.
-fn force(pair: &ContactPair, dt: f32) -> Option<Vector3<f64>> {
-    let mut impulse = Vector3::zeros();
-    let mut active = false;
+fn felt(pair: &ContactPair, first: &Collider, parameters: &IntegrationParameters) -> Option<FingerContact> {
+    let dt = f64::from(parameters.dt);
+    // Friction is kept as an impulse of the last substep, and in the same way at each point of a manifold.
+    let substep = dt / parameters.num_solver_iterations as f64;
+    let mut all = FingerContact::default();
     for manifold in pair.solver_manifolds() {
         let mut normal_impulse = 0.0;
+        let mut friction = None;
         for contact in &manifold.data.solver_contacts {
             let point = (contact.contact_id[0] & !rapier3d::geometry::NEW_CONTACT_BIT) as usize;
-            if let Some(point) = manifold.points.get(point) {
-                normal_impulse += f64::from(point.data.impulse);
-                active |= point.data.impulse > 0.0;
-            }
+            let Some(point) = manifold.points.get(point).filter(|point| point.data.impulse > 0.0) else {
+                continue;
+            };
+            let impulse = f64::from(point.data.impulse);
+            normal_impulse += impulse;
+            friction = Some(from_vector(point.data.warmstart_tangent_world));
+            let place = from_vector(first.position().transform_point(point.local_p1));
+            all.add(&FingerContact {
+                points: (impulse / dt, place * (impulse / dt), place.norm_squared() * (impulse / dt)),
+                ..FingerContact::default()
+            });
         }
         // The manifold's normal points from the first collider to the second; the first is pushed back.
-        impulse -= from_vector(manifold.data.normal) * normal_impulse;
+        all.force -= from_vector(manifold.data.normal) * normal_impulse;
+        all.friction += friction.unwrap_or_default() / substep;
     }
-    active.then(|| impulse / f64::from(dt))
+    all.force /= dt;
+    (all.points.0 > 0.0).then_some(all)
 }
 
 impl Contacts {
@@ -125,13 +165,20 @@ impl Contacts {
         let mut contacts = Self { objects: vec![ObjectContacts::default(); objects], ..Self::default() };
         let mut links: Vec<(usize, Vector3<f64>)> = Vec::new();
         for pair in physics.narrow_phase.contact_pairs() {
-            let Some(on_first) = force(pair, physics.integration_parameters.dt) else { continue };
-            let body = |handle| physics.colliders.get(handle).map(|c| Body::from_tag(c.user_data));
-            let (Some(first), Some(second)) = (body(pair.collider1), body(pair.collider2)) else { continue };
-            for (me, other, force) in [(first, second, on_first), (second, first, -on_first)] {
+            let both = (physics.colliders.get(pair.collider1), physics.colliders.get(pair.collider2));
+            let (Some(first), Some(second)) = both else { continue };
+            let Some(on_first) = felt(pair, first, &physics.integration_parameters) else { continue };
+            let [first, second] = [first, second].map(|collider| Body::from_tag(collider.user_data));
+            for (me, other, on_me) in [(first, second, on_first), (second, first, on_first.reaction())] {
+                let force = on_me.force;
                 match me {
-                    Body::Object(i) => contacts.objects[i].add(other, force, hand),
-                    Body::Finger(_) if matches!(other, Body::Fixture(_)) => contacts.on_fingers += force,
+                    Body::Object(i) => contacts.objects[i].add(other, &on_me, hand),
+                    Body::Finger(_) if !matches!(other, Body::Finger(_)) => {
+                        contacts.on_hand += force + on_me.friction;
+                        if matches!(other, Body::Fixture(_)) {
+                            contacts.on_fingers += force;
+                        }
+                    }
                     Body::Link(link) => match links.iter_mut().find(|(l, _)| *l == link) {
                         Some((_, sum)) => *sum += force,
                         None => links.push((link, force)),
@@ -147,7 +194,8 @@ impl Contacts {
 }
 
 impl ObjectContacts {
-    fn add(&mut self, other: Body, force: Vector3<f64>, hand: usize) {
+    fn add(&mut self, other: Body, contact: &FingerContact, hand: usize) {
+        let force = contact.force;
         let newtons = force.norm();
         if !matches!(other, Body::Finger(_)) && other != Body::Link(hand) {
             self.outside += force;
@@ -157,7 +205,7 @@ impl ObjectContacts {
             self.blow_force += newtons;
         }
         match other {
-            Body::Finger(side) => self.fingers[side].force += force,
+            Body::Finger(side) => self.fingers[side].add(contact),
             Body::Link(_) => self.link = true,
             Body::Fixture(i) => {
                 self.support_force += newtons;

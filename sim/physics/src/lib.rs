@@ -11,12 +11,14 @@
 //! | `world` | [`World`]: building, stepping, truth, state hash |
 //! | `robot_body` | links, fingers, servo model and grip law |
 //! | `contacts` | contact forces of the last step, by who touches whom |
+//! | `pads` | what a soft pad's patch holds |
 //! | `placement` | dropping objects on the table from a seed |
 //! | `settings` | the numbers that decide results |
 //! | `view` | what the camera sees of the world |
 
 mod contacts;
 mod error;
+mod pads;
 mod placement;
 mod robot_body;
 mod settings;
@@ -30,8 +32,8 @@ pub use error::{Error, Result};
 pub use placement::{Accept, Dropped, LaidOut, drop_objects};
 pub use robot_body::{Grip, Stop};
 pub use settings::{
-    FingerSettings, LayoutSettings, ObjectSettings, PhysicsSettings, PlacementSettings, ServoSettings,
-    SolverSettings, StopSettings,
+    FingerSettings, LayoutSettings, ObjectSettings, PadModel, PhysicsSettings, PlacementSettings,
+    ServoSettings, SolverSettings, StopSettings,
 };
 pub use view::ROBOT_LABEL;
 pub use world::{Placed, STEP_HZ, Settled, World};

@@ -116,9 +116,44 @@ pub(crate) struct Finger {
     origin: Isometry3<f64>,
     /// Direction of opening in the gripper frame.
     axis: Vector3<f64>,
+    /// The same in the finger's frame.
+    pressing: Vector3<f64>,
     /// Highest speed of the drive, m/s.
     speed: f64,
     upper: f64,
+    /// Against twisting of objects that the pad touches.
+    brakes: Vec<(RigidBodyHandle, ImpulseJointHandle)>,
+}
+
+/// So stiff that it holds to the limit of its torque, N m s/rad.
+const BRAKE_DAMPING: f32 = 1e3;
+
+impl Finger {
+    /// Lets the pad resist twisting of an object about the direction in which it presses, with a torque of up to `limit`, N m:
+    /// a brake between the two, solved with the contacts.
+    pub fn brake(&mut self, physics: &mut PhysicsWorld, object: RigidBodyHandle, limit: f64) {
+        let known = self.brakes.iter().position(|(body, _)| *body == object);
+        match known {
+            None if limit <= 0.0 => {}
+            None => {
+                let mut brake = GenericJointBuilder::new(JointAxesMask::empty())
+                    .local_axis1(convert::vector(&self.pressing))
+                    .motor_model(JointAxis::AngX, MotorModel::ForceBased)
+                    .motor_velocity(JointAxis::AngX, 0.0, BRAKE_DAMPING)
+                    .build();
+                brake.set_motor_max_force(JointAxis::AngX, limit as f32);
+                self.brakes.push((object, physics.insert_impulse_joint(self.body, object, brake)));
+            }
+            Some(at) if limit <= 0.0 => {
+                physics.remove_impulse_joint(self.brakes.swap_remove(at).1);
+            }
+            Some(at) => {
+                if let Some(joint) = physics.impulse_joints.get_mut(self.brakes[at].1, true) {
+                    joint.data.set_motor_max_force(JointAxis::AngX, limit as f32);
+                }
+            }
+        }
+    }
 }
 
 /// A kinematic link with collision shapes.
@@ -462,8 +497,7 @@ fn insert_finger(
                 .density(0.0)
                 .friction(settings.pad_friction as f32)
                 .collision_groups(finger_groups())
-                // Contact recycling makes held objects creep. A pair with hooks is never recycled, so an empty hook
-                // turns it off for the finger pairs alone.
+                // For `EvenPads`. Also, contact recycling makes held objects creep, and a pair with hooks is never recycled.
                 .active_hooks(ActiveHooks::MODIFY_SOLVER_CONTACTS)
                 .user_data(Body::Finger(side).tag()),
             Some(body),
@@ -488,7 +522,9 @@ fn insert_finger(
         joint,
         origin: data.origin,
         axis,
+        pressing: data.axis.into_inner(),
         speed: data.limits.velocity,
         upper: data.limits.upper,
+        brakes: Vec::new(),
     })
 }

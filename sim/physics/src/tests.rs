@@ -1,12 +1,14 @@
 //! Closed forms that the physics world must meet, with the real robot and simple solids.
 
+mod closed_forms;
+
 use std::path::Path;
 use std::sync::Arc;
 
 use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
 
 use crate::world::{STEP_HZ, World};
-use crate::{Accept, Grip, PhysicsSettings, PlacementSettings, Stop, drop_objects};
+use crate::{Accept, Grip, PadModel, PhysicsSettings, PlacementSettings, Stop, drop_objects};
 use grip_sim::condition::{Clutter, Placement};
 use grip_sim::mesh::{Material, Mesh, Visual};
 use grip_sim::objects::{ObjectInfo, ObjectLibrary, ObjectModel, ObjectSet};
@@ -90,12 +92,16 @@ fn block(half: [f64; 3], mass_kg: f64, friction: f64) -> Arc<ObjectModel> {
 }
 
 fn world() -> (World, RobotConfig) {
+    world_with(&PhysicsSettings::default())
+}
+
+fn world_with(settings: &PhysicsSettings) -> (World, RobotConfig) {
     let (robot, config) = robot();
     let mut q = config.configuration(&robot, "ready").unwrap();
     for finger in config.gripper.fingers {
         q[finger] = 0.05;
     }
-    (World::new(&scene(), robot, &config, q, &PhysicsSettings::default()).unwrap(), config)
+    (World::new(&scene(), robot, &config, q, settings).unwrap(), config)
 }
 
 fn at(x: f64, y: f64, z: f64) -> Pose<grip_sim::pose::World, grip_sim::pose::Object> {
@@ -186,6 +192,10 @@ fn down(x: f64, y: f64, z: f64) -> Isometry3<f64> {
 
 /// Reaches a posture over the table by IK from many seeds, with the world rebuilt there.
 fn world_over(x: f64, y: f64, z: f64) -> (World, RobotConfig) {
+    world_over_with(&PhysicsSettings::default(), [x, y, z])
+}
+
+fn world_over_with(settings: &PhysicsSettings, [x, y, z]: [f64; 3]) -> (World, RobotConfig) {
     let (robot, config) = robot();
     let mut q = config.configuration(&robot, "ready").unwrap();
     for finger in config.gripper.fingers {
@@ -203,9 +213,7 @@ fn world_over(x: f64, y: f64, z: f64) -> (World, RobotConfig) {
         let request = ik(&config, down(x, y, z), &seed);
         robot.solve_ik(request)
     });
-    let world =
-        World::new(&scene(), robot, &config, reached.expect("reachable"), &PhysicsSettings::default())
-            .unwrap();
+    let world = World::new(&scene(), robot, &config, reached.expect("reachable"), settings).unwrap();
     (world, config)
 }
 
@@ -241,8 +249,16 @@ fn friction_and_force_alone_decide_whether_a_block_is_lifted() {
 
 #[test]
 fn the_hand_feels_what_hangs_on_its_pads_and_what_carries_it() {
+    for pads in [PadModel::Corners, PadModel::Even] {
+        let mut settings = PhysicsSettings::default();
+        settings.fingers.pads = pads;
+        hand_feels(&settings);
+    }
+}
+
+fn hand_feels(settings: &PhysicsSettings) {
     let (mass, force_n) = (0.8, 30.0);
-    let (mut world, config) = world_over(0.7, 0.0, TABLE + 0.05);
+    let (mut world, config) = world_over_with(settings, [0.7, 0.0, TABLE + 0.05]);
     world.add_object(block([0.02, 0.03, 0.03], mass, 0.6), &at(0.7, 0.0, TABLE + 0.031)).unwrap();
     let felt = |world: &mut World, grip: Grip| {
         let (target, _) = world.hold();

@@ -8,8 +8,9 @@ use sha2::{Digest, Sha256};
 
 use crate::contacts::{Body, Contacts, ObjectContacts};
 use crate::error::{Error, Result};
+use crate::pads::{self, EvenPads};
 use crate::robot_body::{Grip, RobotBody, Stop, fixture_groups, object_groups};
-use crate::settings::{PhysicsSettings, SolverSettings};
+use crate::settings::{PadModel, PhysicsSettings, SolverSettings};
 use grip_sim::convert;
 use grip_sim::objects::ObjectModel;
 use grip_sim::pose::{Object, Pose as FramePose, World as WorldFrame};
@@ -239,7 +240,13 @@ impl World {
         let dt = 1.0 / f64::from(self.step_hz);
         self.robot.drive(&mut self.physics, target, grip, dt);
         self.resist_rolling(dt);
-        self.physics.step_with_events(&(), &());
+        match self.settings.fingers.pads {
+            PadModel::Corners => self.physics.step_with_events(&(), &()),
+            PadModel::Even => {
+                let patches = self.press_pads();
+                self.physics.step_with_events(&patches, &());
+            }
+        }
         self.contacts = Contacts::read(&self.physics, self.objects.len(), self.robot.gripper);
         self.feel(dt);
         self.robot.sense(&self.physics, &self.contacts, &self.fixed);
@@ -255,6 +262,10 @@ impl World {
     /// What the hand feels. Objects hang on the pads by friction, of which the solver tells nothing: by Newton's second law an
     /// object in the hand passes on its weight, its inertia and what presses on it from elsewhere (friction there aside).
     fn feel(&mut self, dt: f64) {
+        if self.settings.fingers.pads == PadModel::Even {
+            self.hand_force = self.contacts.on_hand;
+            return;
+        }
         self.hand_force = self.contacts.on_fingers;
         for (object, contacts) in self.objects.iter_mut().zip(&self.contacts.objects) {
             let Some(body) = self.physics.bodies.get(object.body) else { continue };
@@ -271,6 +282,7 @@ impl World {
     /// Rolling resistance: a torque against the rotation, proportional to the force that presses the object on what it
     /// lies on, and never more than stops it. Finger contacts do not count, so that it cannot help a grasp.
     fn resist_rolling(&mut self, dt: f64) {
+        let exact = self.settings.fingers.pads == PadModel::Even;
         for (object, contacts) in self.objects.iter().zip(&self.contacts.objects) {
             if contacts.support_force <= 0.0 || contacts.touched_by_robot() {
                 continue;
@@ -281,12 +293,35 @@ impl World {
             if body.is_sleeping() || speed < 1e-6 {
                 continue;
             }
-            // A slender body may spin about any axis: the largest principal moment makes the estimate the mildest.
-            let inertia = f64::from(body.mass_properties().local_mprops.principal_inertia().max_element());
+            let local = &body.mass_properties().local_mprops;
+            let principal = local.principal_inertia();
+            let inertia = if exact {
+                // About the axis of the spin.
+                let frame = body.position().rotation * local.principal_inertia_local_frame;
+                let axis = frame.inverse() * (spin / spin.length());
+                f64::from(principal.dot(axis * axis))
+            } else {
+                f64::from(principal.max_element())
+            };
             let torque = self.settings.objects.rolling_resistance * object.radius * contacts.support_force;
             let kept = (1.0 - torque * dt / (inertia * speed)).max(0.0);
             body.set_angvel(spin * kept as f32, false);
         }
+    }
+
+    /// What the pads' patches hold in the next step, by what they bore in the last one.
+    fn press_pads(&mut self) -> EvenPads {
+        let pads = &self.settings.fingers;
+        let mut left = Vec::with_capacity(self.objects.len());
+        for (object, contacts) in self.objects.iter().zip(&self.contacts.objects) {
+            let friction = 0.5 * (pads.pad_friction + object.model.info.friction);
+            left.push(contacts.fingers.map(|contact| pads::left_for_torsion(friction, &contact) as f32));
+            for (side, contact) in contacts.fingers.iter().enumerate() {
+                let limit = pads::torsion(friction, pads.torsion_m, contact);
+                self.robot.fingers[side].brake(&mut self.physics, object.body, limit);
+            }
+        }
+        EvenPads::new(left)
     }
 
     /// Steps with the robot at rest until no object moves, or `limit_s` is over.
