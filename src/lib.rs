@@ -51,6 +51,7 @@ pub mod experiment;
 pub mod explain;
 mod html;
 mod matching;
+pub mod mjcf;
 pub mod pictures;
 pub mod plot;
 pub mod progress;

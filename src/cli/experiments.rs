@@ -134,6 +134,10 @@ pub struct SweepArgs {
     /// Force of each finger, newtons, in place of what weight and friction need.
     #[arg(long, value_name = "N")]
     pub force: Option<f64>,
+    /// Also write what another simulator needs to try the same grasps: MJCF files of hand, table and object (mjcf/OBJECT.xml),
+    /// and with each grasp the hand's motion.
+    #[arg(long)]
+    pub motions: bool,
     /// Scene whose table, region and robot are used [default: scenes/grocery.toml].
     #[arg(long, value_name = "FILE")]
     pub scene: Option<PathBuf>,
@@ -222,6 +226,7 @@ impl SweepArgs {
             },
             friction: self.friction,
             force_n: self.force,
+            motions: self.motions,
             setup: SetupOptions {
                 scene: self.scene.clone().unwrap_or_else(|| grip::assets::find(GROCERY)),
                 seed: self.seed,

@@ -62,6 +62,8 @@ pub enum Command {
     Convergence(ConvergenceArgs),
     /// Find the grasps of objects and save them as files, for `pack --grasps` and for other programs.
     Grasps(GraspsArgs),
+    /// Write a settled scene for another program: MuJoCo's MJCF.
+    Export(ExportArgs),
     /// List the objects and the set that is in use.
     Objects(ObjectsArgs),
     /// Show the robot: what was loaded, joints, limits.
@@ -236,6 +238,22 @@ pub struct RenderArgs {
     /// Folder for the pictures.
     #[arg(long, value_name = "DIR", default_value = "runs/render")]
     pub out: PathBuf,
+}
+
+/// `grip export`.
+#[derive(Debug, Args)]
+pub struct ExportArgs {
+    #[command(flatten)]
+    pub scene: SceneArgs,
+    /// Condition by name, from the folder `conditions` beside the scene file, or a path to a .toml file.
+    #[arg(long, default_value = "base")]
+    pub condition: String,
+    /// MJCF file: the scene with its objects at rest, in convex pieces, and the robot with a drive on each joint.
+    #[arg(long, value_name = "FILE", default_value = "runs/scene.xml")]
+    pub mjcf: PathBuf,
+    /// The hand alone, as a heavy free body, in place of the whole robot.
+    #[arg(long)]
+    pub hand: bool,
 }
 
 /// `grip objects`.

@@ -5,6 +5,7 @@ mod detect;
 mod estimate;
 mod eval;
 mod explain;
+mod export;
 mod grasps;
 mod init;
 mod merge;
@@ -61,6 +62,7 @@ pub fn run(cli: Cli) -> anyhow::Result<Done> {
         Command::Explain(args) => explain::run(&args),
         Command::Convergence(args) => convergence::run(&args),
         Command::Grasps(args) => grasps::run(&args),
+        Command::Export(args) => export::run(&args),
         Command::Objects(args) => objects::run(&args),
         Command::Robot(args) => robot::run(&args),
         Command::Init(args) => init::run(&args),

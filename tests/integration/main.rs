@@ -4,6 +4,7 @@
 
 mod cli;
 mod common;
+mod crosscheck;
 mod detect;
 mod estimate;
 mod examples;

@@ -16,6 +16,8 @@
 //! | `settings` | the numbers that decide results |
 //! | `view` | what the camera sees of the world |
 
+#[cfg(test)]
+mod closed_forms;
 mod contacts;
 mod error;
 mod pads;

@@ -1,7 +1,5 @@
 //! Closed forms that the physics world must meet, with the real robot and simple solids.
 
-mod closed_forms;
-
 use std::path::Path;
 use std::sync::Arc;
 
@@ -17,9 +15,9 @@ use grip_sim::robot::{IkRequest, RobotConfig, RobotModel};
 use grip_sim::scene::Scene;
 use grip_sim::shape::{CollisionShape, Convex};
 
-const TABLE: f64 = 0.62;
+pub(crate) const TABLE: f64 = 0.62;
 
-fn scene() -> Scene {
+pub(crate) fn scene() -> Scene {
     toml::from_str(
         r#"
 schema = "grip.scene/1"
@@ -54,7 +52,7 @@ gap = 0.03
     .unwrap()
 }
 
-fn robot() -> (Arc<RobotModel>, RobotConfig) {
+pub(crate) fn robot() -> (Arc<RobotModel>, RobotConfig) {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../robots/fetch");
     let robot = RobotModel::load(&folder.join("fetch.urdf"), &[]).unwrap();
     let config = RobotConfig::load(&folder.join("fetch.toml"), &robot).unwrap();
@@ -62,7 +60,7 @@ fn robot() -> (Arc<RobotModel>, RobotConfig) {
 }
 
 /// An object of one convex solid; its mesh is the corners of its box.
-fn object(geometry: Convex, half: [f64; 3], mass_kg: f64, friction: f64) -> Arc<ObjectModel> {
+pub(crate) fn object(geometry: Convex, half: [f64; 3], mass_kg: f64, friction: f64) -> Arc<ObjectModel> {
     let [x, y, z] = half;
     let corners = [-1.0, 1.0].iter().flat_map(|a| {
         [-1.0, 1.0].iter().flat_map(move |b| {
@@ -87,7 +85,7 @@ fragility = "sturdy"
 upright = false
 "#;
 
-fn block(half: [f64; 3], mass_kg: f64, friction: f64) -> Arc<ObjectModel> {
+pub(crate) fn block(half: [f64; 3], mass_kg: f64, friction: f64) -> Arc<ObjectModel> {
     object(Convex::Cuboid { half: Vector3::from(half) }, half, mass_kg, friction)
 }
 
@@ -95,7 +93,7 @@ fn world() -> (World, RobotConfig) {
     world_with(&PhysicsSettings::default())
 }
 
-fn world_with(settings: &PhysicsSettings) -> (World, RobotConfig) {
+pub(crate) fn world_with(settings: &PhysicsSettings) -> (World, RobotConfig) {
     let (robot, config) = robot();
     let mut q = config.configuration(&robot, "ready").unwrap();
     for finger in config.gripper.fingers {
@@ -104,7 +102,7 @@ fn world_with(settings: &PhysicsSettings) -> (World, RobotConfig) {
     (World::new(&scene(), robot, &config, q, settings).unwrap(), config)
 }
 
-fn at(x: f64, y: f64, z: f64) -> Pose<grip_sim::pose::World, grip_sim::pose::Object> {
+pub(crate) fn at(x: f64, y: f64, z: f64) -> Pose<grip_sim::pose::World, grip_sim::pose::Object> {
     Pose::from_xyz_rpy([x, y, z], [0.0; 3])
 }
 
@@ -191,7 +189,7 @@ fn down(x: f64, y: f64, z: f64) -> Isometry3<f64> {
 }
 
 /// Reaches a posture over the table by IK from many seeds, with the world rebuilt there.
-fn world_over(x: f64, y: f64, z: f64) -> (World, RobotConfig) {
+pub(crate) fn world_over(x: f64, y: f64, z: f64) -> (World, RobotConfig) {
     world_over_with(&PhysicsSettings::default(), [x, y, z])
 }
 

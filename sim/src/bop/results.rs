@@ -110,7 +110,7 @@ pub fn read_results(path: &Path) -> Result<Vec<Estimate>> {
         }
         estimates.push(Estimate::parse(&record).map_err(invalid)?);
     }
-    let places = estimates.iter().map(|estimate| estimate.camera_from_object.translation().into());
+    let places = estimates.iter().map(|estimate| estimate.camera_from_object.translation());
     match in_metres("t", places) {
         Some(message) => Err(Error::invalid(path, message)),
         None => Ok(estimates),

@@ -108,6 +108,7 @@ mod tests {
                 slip_within: held,
                 slip_m: None,
                 slip_deg: None,
+                motion: None,
             }
         };
         let lines = (1..=5).flat_map(|seed| (0..cases.len()).map(move |case| (seed, case)));

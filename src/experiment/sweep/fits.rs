@@ -242,6 +242,7 @@ mod tests {
                     slip_within: held,
                     slip_m: None,
                     slip_deg: None,
+                    motion: None,
                 });
             }
         }

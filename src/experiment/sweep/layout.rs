@@ -12,6 +12,7 @@ use nalgebra::{Isometry3, Point3};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use super::motion::GraspMotion;
 use super::{GraspLine, Sweep};
 use crate::score::{GraspMonitor, model_points};
 use crate::settings::SweepSettings;
@@ -131,8 +132,12 @@ impl Layout {
             slip_within: false,
             slip_m: None,
             slip_deg: None,
+            motion: None,
         };
         let Some(test) = self.plan(sweep, &displaced) else { return Ok(line) };
+        if sweep.motions {
+            line.motion = Some(Box::new(GraspMotion::of(&test, &self.world_from_object, &self.setup)));
+        }
 
         let setup = &self.setup;
         let mut world = setup.empty_world(test.start.clone())?;
@@ -156,6 +161,9 @@ impl Layout {
         line.slip_within = clauses.slip_within;
         if clauses.held_after_carry {
             (line.slip_m, line.slip_deg) = (Some(measures.slip_m), Some(measures.slip_deg));
+        }
+        if let Some((stage, _, reason)) = report.failure() {
+            log::debug!("{} seed {} case {case}: {stage:?}: {reason}", self.object, self.seed);
         }
         line.outcome = match report.failure() {
             Some((ExecStage::Approach, ..)) => GraspOutcome::CollisionOnApproach,

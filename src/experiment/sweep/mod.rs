@@ -8,6 +8,7 @@
 pub mod errors;
 pub mod fits;
 pub mod layout;
+pub mod motion;
 
 use std::collections::BTreeSet;
 use std::path::Path;
@@ -23,6 +24,7 @@ use serde_json::Value;
 
 use self::errors::{Axis, ErrorCase, PoseError, along_axes, isotropic};
 use self::layout::{GraspOutcome, Layout};
+use self::motion::GraspMotion;
 use super::journal::{self, Journal};
 use super::plan;
 use crate::progress::Progress;
@@ -64,6 +66,9 @@ pub struct SweepFile<'a> {
     friction: Option<f64>,
     /// Of the fingers, where it is not the planner's, newtons.
     force_n: Option<f64>,
+    /// Whether grasps have their motions.
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    motions: bool,
     /// The errors; `case` of a grasp is a position in it.
     cases: &'a [ErrorCase],
     robot: RobotEntry<'a>,
@@ -111,6 +116,8 @@ pub struct SweepOptions {
     pub friction: Option<f64>,
     /// Force of each finger, newtons, in place of what the planner takes.
     pub force_n: Option<f64>,
+    /// Whether to write motions and MJCF files for another simulator.
+    pub motions: bool,
     /// Scene, objects, robot, settings and the first seed.
     pub setup: SetupOptions,
 }
@@ -127,6 +134,7 @@ impl Default for SweepOptions {
             strategy: Strategy::Planned,
             friction: None,
             force_n: None,
+            motions: false,
             setup: SetupOptions::default(),
         }
     }
@@ -162,6 +170,9 @@ pub struct GraspLine {
     pub slip_m: Option<f64>,
     /// How far it turned in the hand, degrees; none unless it was held to the end.
     pub slip_deg: Option<f64>,
+    /// What the hand was told to do, where the sweep was asked for it; none where the arm does not reach.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub motion: Option<Box<GraspMotion>>,
 }
 
 impl GraspLine {
@@ -193,6 +204,8 @@ pub struct Sweep {
     pub friction: Option<f64>,
     /// Force of each finger, newtons, in place of what the planner takes.
     pub force_n: Option<f64>,
+    /// Whether grasps have their motions.
+    pub motions: bool,
 }
 
 impl Sweep {
@@ -256,6 +269,7 @@ impl Sweep {
             strategy: options.strategy,
             friction: options.friction,
             force_n: options.force_n,
+            motions: options.motions,
         })
     }
 
@@ -277,6 +291,7 @@ impl Sweep {
             strategy: self.strategy,
             friction: self.friction,
             force_n: self.force_n,
+            motions: self.motions,
             cases: &self.cases,
             robot: scenario::robot(&self.setup),
             scene: &self.setup.cell.scene,
@@ -289,7 +304,11 @@ impl Sweep {
     /// # Errors
     /// When it is there although nothing is to be resumed, is another sweep, or cannot be written.
     pub fn begin(&self, out: &Path, resume: bool) -> Result<()> {
-        plan::begin(out, MANIFEST, SCHEMA, &self.manifest()?, resume)
+        plan::begin(out, MANIFEST, SCHEMA, &self.manifest()?, resume)?;
+        if self.motions {
+            motion::write_models(self, &out.join("mjcf"))?;
+        }
+        Ok(())
     }
 
     /// How many grasps there are to try.

@@ -317,7 +317,8 @@ fn a_network_of_other_inputs_or_outputs_is_refused_by_what_it_has() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("theirs.onnx");
     std::fs::write(path.with_extension("json"), DESCRIPTION).unwrap();
-    let cases: [(fn(&mut GraphProto), &str); 6] = [
+    type Change = fn(&mut GraphProto);
+    let cases: [(Change, &str); 6] = [
         (|graph| tensor(&mut graph.input[0]).elem_type = 10, "the inputs image float16 (1, 3, ?, ?);"),
         (|graph| tensor(&mut graph.input[0]).elem_type = 2, "the inputs image uint8 (1, 3, ?, ?);"),
         (

@@ -9,8 +9,8 @@ use std::sync::Arc;
 use nalgebra::{Isometry3, Translation3, Vector2, Vector3};
 use rapier3d::prelude::Vector;
 
-use super::{STEP_HZ, TABLE, at, block, object, robot, scene, world_over};
-use crate::world::World;
+use crate::tests::{TABLE, at, block, object, robot, scene, world_over, world_with};
+use crate::world::{STEP_HZ, World};
 use crate::{Grip, PadModel, PhysicsSettings};
 use grip_sim::convert;
 use grip_sim::objects::ObjectModel;
@@ -115,8 +115,10 @@ fn near(what: &str, measured: f64, wanted: f64, share: f64) {
     assert!((measured - wanted).abs() <= share * wanted, "{what}: {measured}, by the closed form {wanted}");
 }
 
-/// A box that covers the pads, a can of which they touch a line, and a ball that they touch at a point.
-fn solids() -> [(&'static str, Arc<ObjectModel>, Vec<Vector2<f64>>); 2] {
+type Solid = (&'static str, Arc<ObjectModel>, Vec<Vector2<f64>>);
+
+/// A box that covers the pads, and a can of which they touch a line: with points spread over what they touch.
+fn solids() -> [Solid; 2] {
     let can = Convex::Cylinder { half_height: 0.031, radius: 0.033 };
     [
         ("box", block([0.031, 0.03, 0.031], 0.3, 0.6), even(PAD[1], PAD[0])),
@@ -124,6 +126,7 @@ fn solids() -> [(&'static str, Arc<ObjectModel>, Vec<Vector2<f64>>); 2] {
     ]
 }
 
+/// The pads touch it at a point.
 fn ball() -> Arc<ObjectModel> {
     object(Convex::Sphere { radius: 0.03 }, [0.03; 3], 0.1, 0.6)
 }
@@ -187,7 +190,7 @@ fn tilted(
     pose: Pose<grip_sim::pose::World, grip_sim::pose::Object>,
     rate: f64,
 ) -> f64 {
-    let (mut world, _) = super::world_with(&settings());
+    let (mut world, _) = world_with(&settings());
     world.add_object(model, &pose).unwrap();
     let (target, grip) = world.hold();
     (0..STEP_HZ).for_each(|_| world.step(&target, grip));
@@ -216,7 +219,7 @@ fn a_can_rolls_down_by_its_inertia_and_its_resistance() {
     let can = object(Convex::Cylinder { half_height: 0.05, radius: 0.033 }, [0.033, 0.033, 0.05], 0.35, 0.6);
     let mut settings = settings();
     settings.objects.angular_damping = 0.0;
-    let (mut world, _) = super::world_with(&settings);
+    let (mut world, _) = world_with(&settings);
     world.add_object(can, &Pose::from_xyz_rpy([0.65, 0.0, TABLE + 0.033], [FRAC_PI_2, 0.0, 0.0])).unwrap();
     let (target, grip) = world.hold();
     (0..STEP_HZ / 2).for_each(|_| world.step(&target, grip));
@@ -237,7 +240,7 @@ fn a_can_on_its_end_spins_down() {
     let mut settings = settings();
     settings.objects.angular_damping = 0.0;
     settings.objects.rolling_resistance = 0.0;
-    let (mut world, _) = super::world_with(&settings);
+    let (mut world, _) = world_with(&settings);
     world.add_object(can, &at(0.75, 0.0, TABLE + 0.0205)).unwrap();
     let (target, grip) = world.hold();
     (0..STEP_HZ / 2).for_each(|_| world.step(&target, grip));
