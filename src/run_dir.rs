@@ -155,7 +155,7 @@ mod tests {
         assert_eq!(fs::read_dir(folder.path().join("deep")).unwrap().count(), 0);
 
         let run = RunDir::begin(&target).unwrap();
-        run.write("result.json", r#"{"schema": "grip.trial/4"}"#).unwrap();
+        run.write("result.json", r#"{"schema": "grip.trial/5"}"#).unwrap();
         run.finish().unwrap();
         assert!(target.join("result.json").exists());
         // An earlier run may be replaced, another folder may not.
@@ -171,7 +171,7 @@ mod tests {
         let target = folder.path().join("run");
         let run = |files: &[&str]| {
             let run = RunDir::begin(&target).unwrap();
-            run.write("result.json", r#"{"schema": "grip.trial/4"}"#).unwrap();
+            run.write("result.json", r#"{"schema": "grip.trial/5"}"#).unwrap();
             files.iter().for_each(|file| run.write(file, "of the run").unwrap());
             run.finish().unwrap();
         };

@@ -152,12 +152,26 @@ fn clauses(result: &TrialResult, bound: &SuccessCriteria) -> String {
                 bound.slip_deg
             ),
             format!(
-                "{:.0} mm below the edge, {:.1} mm/s (centre within the walls, under {:.0} mm/s, touching only bin and items)",
+                "{:.0} mm below the edge, {:.1} mm/s, moved by {:.1} mm in the last second (centre within the walls, under {:.0} mm/s, touching only bin and items)",
                 1e3 * m.below_edge_m,
                 1e3 * m.speed_m_s,
+                1e3 * m.moved_m,
                 1e3 * bound.at_rest_m_s
             ),
             format!("leans {:.0} degrees (at most {:.0} if it must stand)", m.tilt_deg, bound.tilt_deg),
+            format!(
+                "fell by {:.0} mm, at up to {:.2} m/s (at most {:.0} mm and {:.2} m/s)",
+                1e3 * m.release_m,
+                m.landing_m_s,
+                1e3 * bound.release_m,
+                bound.landing_m_s
+            ),
+            format!(
+                "largest blow {:.2} N s (harmless: {:.2} N s{})",
+                item.peak_impulse_n_s,
+                item.harmless_impulse_n_s,
+                if bound.unharmed { "" } else { ", not asked for" }
+            ),
             format!("{} other items (none)", m.knocked_out),
         ];
         item.clauses.by_name().into_iter().zip(values).enumerate().map(|(i, ((name, holds), value))| {

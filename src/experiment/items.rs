@@ -82,6 +82,8 @@ fn columns(trials: &[TrialResult]) -> Vec<(&'static str, Column)> {
         ("slip_within", yes(|i| i.clauses.slip_within)),
         ("in_bin", yes(|i| i.clauses.in_bin)),
         ("upright", yes(|i| i.clauses.upright)),
+        ("set_down", yes(|i| i.clauses.set_down)),
+        ("unharmed", yes(|i| i.clauses.unharmed)),
         ("nothing_knocked_out", yes(|i| i.clauses.nothing_knocked_out)),
     ]
 }

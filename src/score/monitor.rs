@@ -28,6 +28,8 @@ pub struct GraspMonitor {
     slip_rad: f64,
     /// Another object that the fingers pinched instead.
     pub wrong_object: Option<usize>,
+    /// Its lowest point when the fingers began to open.
+    let_go_at: Option<f64>,
 }
 
 impl GraspMonitor {
@@ -46,6 +48,21 @@ impl GraspMonitor {
             slip_m: None,
             slip_rad: 0.0,
             wrong_object: None,
+            let_go_at: None,
+        }
+    }
+
+    /// The fingers begin to let go.
+    pub fn lowered(&mut self, world: &World) {
+        self.let_go_at = Some(world.lowest_point(self.object));
+    }
+
+    /// A physics step of letting go or drawing back is done.
+    pub fn falling(&mut self, world: &World) {
+        let Some(from) = self.let_go_at else { return };
+        self.measures.release_m = (from - world.lowest_point(self.object)).max(0.0);
+        if !world.contacts(self.object).touched_by_robot() {
+            self.measures.landing_m_s = self.measures.landing_m_s.max(world.velocity(self.object).norm());
         }
     }
 
@@ -92,13 +109,20 @@ impl GraspMonitor {
     }
 
     fn pinches(&self, world: &World, object: usize) -> bool {
-        world.contacts(object).pinched(self.criteria.finger_force_n, self.criteria.opposing_dot)
+        let mut opposing = self.criteria.opposing_dot;
+        if self.criteria.friction_cone {
+            // Along a line that lies in both cones; beyond a right angle any two do.
+            let angle = 2.0 * world.pad_friction(object).atan();
+            opposing = opposing.min(-angle.cos());
+        }
+        world.contacts(object).pinched(self.criteria.finger_force_n, opposing)
     }
 
     /// Whether the object touches nothing but the hand.
     fn is_clear(&self, world: &World) -> bool {
         let contacts = world.contacts(self.object);
-        contacts.fixtures.is_empty() && contacts.objects.is_empty()
+        let carried = self.criteria.fingers_alone && contacts.link;
+        contacts.fixtures.is_empty() && contacts.objects.is_empty() && !carried
     }
 
     fn gripper_from_object(&self, world: &World) -> Isometry3<f64> {
@@ -111,10 +135,31 @@ mod tests {
     use super::*;
     use crate::score::tests::empty;
     use grip_physics::Grip;
+    use grip_sim::mesh::{Material, Mesh, Visual};
+    use grip_sim::objects::{ObjectInfo, ObjectModel};
     use grip_sim::pose::Pose;
-    use nalgebra::{UnitQuaternion, Vector3};
+    use grip_sim::shape::{CollisionShape, Convex};
+    use nalgebra::{Point3, UnitQuaternion, Vector3};
+    use std::sync::Arc;
 
-    /// A hand above a soup can on the table, and the score watching.
+    /// Height of a soup can, metres.
+    const CAN: f64 = 0.1018;
+
+    /// A solid of 0.35 kg.
+    fn object(geometry: Convex, friction: f64) -> Arc<ObjectModel> {
+        let piece = CollisionShape { pose: Isometry3::identity(), geometry };
+        let points = match &piece.geometry {
+            Convex::Hull { points } => points.clone(),
+            Convex::Cuboid { half } => vec![Point3::from(-half), Point3::from(*half)],
+            _ => Vec::new(),
+        };
+        let mesh = Mesh { positions: points.iter().map(|p| p.cast()).collect(), ..Mesh::default() };
+        let info = ObjectInfo { friction, mass_kg: 0.35, ..empty().0.models[0].info.clone() };
+        let visual = Visual { mesh: Arc::new(mesh), material: Material::default() };
+        Arc::new(ObjectModel::new(info, visual, vec![piece]))
+    }
+
+    /// A hand above a solid on the table, and the score watching.
     struct Bench {
         world: World,
         monitor: GraspMonitor,
@@ -122,32 +167,51 @@ mod tests {
         /// All movable joints as they are told.
         q: Vec<f64>,
         grip: Grip,
+        force_n: f64,
     }
 
     impl Bench {
         /// Fingers open about the can, which stands `aside` metres from between them.
         fn about_the_can(aside: f64) -> Self {
+            Self::with(aside, CAN - 0.002, |_| {})
+        }
+
+        /// The same with the middle of the pads so far above the table, and other criteria.
+        fn with(aside: f64, height: f64, change: impl Fn(&mut SuccessCriteria)) -> Self {
+            let can = empty().0.library.load("005_tomato_soup_can").unwrap();
+            Self::about(&can, [aside, CAN / 2.0], height, change)
+        }
+
+        /// About a solid whose origin is so far aside and above the table.
+        fn about(
+            model: &Arc<ObjectModel>,
+            [aside, above]: [f64; 2],
+            height: f64,
+            change: impl Fn(&mut SuccessCriteria),
+        ) -> Self {
             let (setup, _) = empty();
+            let mut criteria = setup.settings.success.clone();
+            change(&mut criteria);
             let planner = setup.planner();
-            let (hand, criteria) = (setup.cell.config.gripper.link, &setup.settings.success);
+            let (hand, criteria) = (setup.cell.config.gripper.link, &criteria);
             let solver = grip_manip::motion::IkSolver::new(planner.robot().clone(), &setup.cell.config);
-            let top = setup.cell.scene.table.height + 0.1018;
+            let table = setup.cell.scene.table.height;
             let down = Isometry3::from_parts(
-                [0.6, 0.1, top - 0.002].into(),
+                [0.6, 0.1, table + height].into(),
                 UnitQuaternion::from_axis_angle(&Vector3::y_axis(), std::f64::consts::FRAC_PI_2),
             );
             let base_from_gripper = setup.cell.scene.world_from_base().iso().inverse() * down;
             let q = solver.solutions(&base_from_gripper, &setup.cell.start, 16, 1, |_| true).remove(0);
             let mut world = setup.empty_world(q.clone()).unwrap();
-            let can = setup.library.load("005_tomato_soup_can").unwrap();
-            let at = Pose::from_xyz_rpy([0.6 + aside, 0.1, top - 0.0509], [0.0; 3]);
-            world.add_object(can, &at).unwrap();
+            let at = Pose::from_xyz_rpy([0.6 + aside, 0.1, table + above], [0.0; 3]);
+            world.add_object(model.clone(), &at).unwrap();
             let mut bench = Self {
                 monitor: GraspMonitor::begin(&world, 0, hand, criteria),
                 world,
                 solver,
                 q,
                 grip: Grip::Open { width: 0.1 },
+                force_n: 40.0,
             };
             bench.wait(0.5);
             bench.monitor = GraspMonitor::begin(&bench.world, 0, hand, criteria);
@@ -162,7 +226,7 @@ mod tests {
         }
 
         fn close(&mut self, seconds: f64) -> &mut Self {
-            self.grip = Grip::Close { force_n: 40.0 };
+            self.grip = Grip::Close { force_n: self.force_n };
             self.wait(seconds);
             self.monitor.closed(&self.world);
             self
@@ -188,6 +252,17 @@ mod tests {
             self
         }
 
+        /// Opens the fingers and waits.
+        fn let_go(&mut self) -> Measures {
+            self.monitor.lowered(&self.world);
+            self.grip = Grip::Open { width: 0.1 };
+            for _ in 0..STEP_HZ {
+                self.world.step(&self.q, self.grip);
+                self.monitor.falling(&self.world);
+            }
+            self.monitor.measures
+        }
+
         fn carried(&mut self) -> [bool; 4] {
             assert!(self.world.stop().is_none(), "{:?}", self.world.stop());
             self.monitor.carried();
@@ -210,7 +285,56 @@ mod tests {
         // Pushed up in the hand by the table.
         let slipped = begin().close(1.5).lift(0.06).lift(-0.09).lift(0.15).carried();
         assert_eq!(slipped, [true, true, true, false]);
+        // A bar held weakly by its end turns until its other end lies against the palm, which carries it then.
+        let bar = object(Convex::Cuboid { half: [0.1, 0.02, 0.03].into() }, 0.6);
+        let palm = |alone| {
+            let mut bench =
+                Bench::about(&bar, [0.07, 0.0301], 0.033, |criteria| criteria.fingers_alone = alone);
+            bench.force_n = 6.0;
+            bench.close(2.0).grip = Grip::Close { force_n: 5.0 };
+            bench.lift(0.15).carried()
+        };
+        assert_eq!(palm(false), [true; 4]);
+        assert_eq!(palm(true), [true, false, false, true]);
         // Beside the can nothing holds.
         assert_eq!(Bench::about_the_can(0.12).close(1.5).lift(0.15).carried(), [false; 4]);
+    }
+
+    #[test]
+    fn a_can_that_is_let_go_in_the_air_falls_and_one_on_the_table_does_not() {
+        for height in [0.08, 0.0] {
+            let mut bench = Bench::about_the_can(0.0);
+            bench.close(1.5).lift(0.1).lift(height - 0.1);
+            let Measures { release_m, landing_m_s, .. } = bench.let_go();
+            let fast = (2.0 * 9.81 * height).sqrt();
+            assert!((release_m - height).abs() < 2e-3, "{height}: fell by {release_m}");
+            assert!((landing_m_s - fast).abs() < 0.1, "{height}: {landing_m_s} m/s");
+        }
+    }
+
+    /// A wedge on the table, whose faces the fingers press at 30 degrees: without a friction of its own, pads of 0.9 hold what is off a
+    /// line by 48 degrees between them, and no 60.
+    #[test]
+    fn normals_that_friction_does_not_balance_do_not_oppose() {
+        let (base, height) = (0.045, 0.06);
+        let top = base - height * 30f64.to_radians().tan();
+        let rims = [(base, 0.0), (top, height)];
+        let points: Vec<_> = rims
+            .iter()
+            .flat_map(|&(half, z)| {
+                [-1.0, 1.0].into_iter().flat_map(move |x| [-1.0, 1.0].map(|y| [0.03 * x, half * y, z]))
+            })
+            .map(Point3::from)
+            .collect();
+        let wedge = object(Convex::Hull { points }, 0.0);
+        let opposing = |friction_cone| {
+            let mut bench =
+                Bench::about(&wedge, [0.0, 0.0], 0.07, |criteria| criteria.friction_cone = friction_cone);
+            bench.close(1.5);
+            let Measures { pinch_dot, pinch_n, .. } = bench.monitor.measures;
+            assert!((pinch_dot + 0.5).abs() < 0.02 && pinch_n > 10.0, "{pinch_dot}, {pinch_n} N");
+            bench.monitor.clauses.opposing_contacts
+        };
+        assert_eq!([opposing(false), opposing(true)], [true, false]);
     }
 }

@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 use super::motion_check::MotionCheck;
 
 /// Version of the trial result; changes with every change that could break a reader.
-pub const TRIAL_SCHEMA: &str = "grip.trial/4";
+pub const TRIAL_SCHEMA: &str = "grip.trial/5";
 
 /// What became of an item. Everything but [`Outcome::Packed`] is a failure.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
@@ -44,6 +44,10 @@ pub enum Outcome {
     Slipped,
     /// In the bin, but tipped over although it must stand.
     NotUpright,
+    /// In the bin, but let fall, or landed too fast.
+    Dropped,
+    /// In the bin, but by a blow that does it harm.
+    Harmed,
     /// In the bin, but not by a grasp that counts: see `clauses`.
     NotGrasped,
     /// Knocked off the table or out of the bin while another item was handled.
@@ -91,13 +95,17 @@ pub struct Clauses {
     pub in_bin: bool,
     /// Stands within 30 degrees of upright at the end, if it is an item that must.
     pub upright: bool,
+    /// Let go near where it came to rest, and slow then, as far as the criteria ask for it.
+    pub set_down: bool,
+    /// Took no blow that does it harm, in the whole trial, as far as the criteria ask for it.
+    pub unharmed: bool,
     /// No other item left the table or the bin while this one was handled, in any attempt.
     pub nothing_knocked_out: bool,
 }
 
 impl Clauses {
     /// Each clause with its name in words.
-    pub fn by_name(&self) -> [(&'static str, bool); 7] {
+    pub fn by_name(&self) -> [(&'static str, bool); 9] {
         let Self {
             opposing_contacts,
             lifted_clear,
@@ -105,6 +113,8 @@ impl Clauses {
             slip_within,
             in_bin,
             upright,
+            set_down,
+            unharmed,
             nothing_knocked_out,
         } = *self;
         [
@@ -114,6 +124,8 @@ impl Clauses {
             ("slip within bounds", slip_within),
             ("at rest in the bin", in_bin),
             ("upright", upright),
+            ("set down", set_down),
+            ("unharmed", unharmed),
             ("nothing knocked out", nothing_knocked_out),
         ]
     }
@@ -143,8 +155,14 @@ pub struct Measures {
     pub below_edge_m: f64,
     /// Its speed at the end, m/s.
     pub speed_m_s: f64,
+    /// How far a point of it moved in the trial's last second, metres.
+    pub moved_m: f64,
     /// Angle between its z axis and the vertical at the end, degrees.
     pub tilt_deg: f64,
+    /// How far its lowest point fell when it was let go, metres.
+    pub release_m: f64,
+    /// Its largest speed after the fingers had left it, m/s.
+    pub landing_m_s: f64,
     /// Other items that left the table or the bin during its attempts.
     pub knocked_out: u32,
 }
@@ -370,6 +388,8 @@ impl Outcome {
             Self::Disturbed => "others knocked out",
             Self::Slipped => "slipped in the hand",
             Self::NotUpright => "not upright",
+            Self::Dropped => "dropped into the bin",
+            Self::Harmed => "handled roughly",
             Self::NotGrasped => "in the bin, not by a grasp",
             Self::KnockedOut => "knocked out",
             Self::NotAttempted => "not attempted",

@@ -103,10 +103,10 @@ pub fn failure_of(report: &ExecutionReport) -> Option<(Outcome, Stage, String)> 
     Some((outcome, stage, reason.to_owned()))
 }
 
-/// Final outcomes, when everything has come to rest.
+/// Final outcomes, when everything has come to rest; how far each body has moved in the last second comes with the world.
 pub fn finish(
     scene: &Scene,
-    world: &World,
+    (world, moved): (&World, &[f64]),
     criteria: &SuccessCriteria,
     (records, bodies): (&mut [ItemRecord], &Bodies),
     items: usize,
@@ -117,14 +117,20 @@ pub fn finish(
         .take(items)
         .map(|(i, record)| {
             let body = bodies.of(i);
-            record.clauses.in_bin = in_bin(world, scene, body) && world.speed(body) < criteria.at_rest_m_s;
+            let info = &world.object(body).info;
+            let at_rest = world.speed(body) < criteria.at_rest_m_s && moved[body] <= criteria.rest_m;
+            record.clauses.in_bin = in_bin(world, scene, body) && at_rest;
             record.clauses.upright = upright(world, body, criteria);
+            record.clauses.set_down = record.measures.release_m <= criteria.release_m
+                && record.measures.landing_m_s <= criteria.landing_m_s;
+            record.clauses.unharmed =
+                !criteria.unharmed || record.peak_impulse_n_s <= info.harmless_impulse_n_s();
             record.clauses.nothing_knocked_out = !record.knocked_others;
             record.measures.below_edge_m = below_edge_m(world, scene, body);
             record.measures.speed_m_s = world.speed(body);
             record.measures.tilt_deg = tilt_deg(world, body);
+            record.measures.moved_m = moved[body];
             let (outcome, stage, reason) = verdict(record, criteria);
-            let info = &world.object(body).info;
             ItemResult {
                 object: info.name.clone(),
                 instance: instance(world, body),
@@ -187,6 +193,13 @@ fn verdict(record: &ItemRecord, criteria: &SuccessCriteria) -> (Outcome, Stage, 
     } else if !c.upright {
         let reason = format!("leans over {} degrees, but must stand", criteria.tilt_deg);
         failed(Outcome::NotUpright, Stage::Done, &reason)
+    } else if !c.set_down {
+        let Measures { release_m, landing_m_s, .. } = record.measures;
+        let reason = format!("let fall by {:.0} mm, at up to {landing_m_s:.2} m/s", 1e3 * release_m);
+        failed(Outcome::Dropped, Stage::Place, &reason)
+    } else if !c.unharmed {
+        let reason = format!("took a blow of {:.2} N s", record.peak_impulse_n_s);
+        failed(Outcome::Harmed, Stage::Done, &reason)
     } else if !c.nothing_knocked_out {
         failed(Outcome::Disturbed, Stage::Done, "another item was knocked off the table or out of the bin")
     } else {
@@ -210,6 +223,8 @@ mod tests {
             slip_within: true,
             in_bin: true,
             upright: true,
+            set_down: true,
+            unharmed: true,
             nothing_knocked_out: true,
         };
         ItemRecord { attempts: 1, clauses, ..ItemRecord::default() }
@@ -219,13 +234,15 @@ mod tests {
     fn each_clause_alone_undoes_a_success() {
         assert_eq!(judged(&packed()).0, Outcome::Packed);
         type Break = fn(&mut Clauses);
-        let breaks: [(Break, Outcome); 7] = [
+        let breaks: [(Break, Outcome); 9] = [
             (|c| c.opposing_contacts = false, Outcome::NotGrasped),
             (|c| c.lifted_clear = false, Outcome::NotGrasped),
             (|c| c.held_after_carry = false, Outcome::NotGrasped),
             (|c| c.slip_within = false, Outcome::Slipped),
             (|c| c.in_bin = false, Outcome::PlacedOutside),
             (|c| c.upright = false, Outcome::NotUpright),
+            (|c| c.set_down = false, Outcome::Dropped),
+            (|c| c.unharmed = false, Outcome::Harmed),
             (|c| c.nothing_knocked_out = false, Outcome::Disturbed),
         ];
         for (break_it, outcome) in breaks {

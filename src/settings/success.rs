@@ -16,6 +16,12 @@ pub struct SuccessCriteria {
     /// Fingers oppose each other when the dot product of their unit forces is at most this; -1 to 0. Default -0.3: forces
     /// 107 degrees apart or more.
     pub opposing_dot: f64,
+    /// Whether fingers must also oppose each other as friction demands: forces within its cone balance only where the normals are at
+    /// most twice its angle off a line, with the true friction of pads and item. Default no.
+    pub friction_cone: bool,
+    /// Whether an item is clear, and in the bin, only while no link of the robot touches it but the fingers that hold it. Default no:
+    /// the palm may.
+    pub fingers_alone: bool,
     /// How long they must press before the lift begins, seconds; 0 to 1. Default 0.025: six steps of physics.
     pub pinch_s: f64,
     /// How far the lowest point must rise while nothing but the hand touches the item, metres; 0 to 0.5. Default 0.03, as
@@ -29,6 +35,16 @@ pub struct SuccessCriteria {
     pub slip_deg: f64,
     /// Slower than this it is at rest, m/s; 0 to 1. Default 0.01.
     pub at_rest_m_s: f64,
+    /// It is at rest when no point of it moves farther than this in the trial's last second (`trial.drift_s`), metres; 0 to 1. Default 1:
+    /// its speed alone counts.
+    pub rest_m: f64,
+    /// How far it may fall when it is let go, metres; 0 to 1. Default 1: any.
+    pub release_m: f64,
+    /// How fast it may be when it has been let go, m/s; 0 to 10. Default 10: any.
+    pub landing_m_s: f64,
+    /// Whether an item that took a larger blow than does it no harm (`scenes/objects.toml`, fragility) is not packed. Default no: the
+    /// score card counts it.
+    pub unharmed: bool,
     /// An item that must stand may lean this far, degrees; 0 to 90. Default 30.
     pub tilt_deg: f64,
     /// An item is lost when its lowest point is so far below the table's top, metres; 0 to 1. Default 0.05.
@@ -40,12 +56,18 @@ impl Default for SuccessCriteria {
         Self {
             finger_force_n: 1.0,
             opposing_dot: -0.3,
+            friction_cone: false,
+            fingers_alone: false,
             pinch_s: 0.025,
             lift_m: 0.03,
             hold_s: 0.1,
             slip_m: 0.020,
             slip_deg: 20.0,
             at_rest_m_s: 0.01,
+            rest_m: 1.0,
+            release_m: 1.0,
+            landing_m_s: 10.0,
+            unharmed: false,
             tilt_deg: 30.0,
             fallen_m: 0.05,
         }
@@ -64,6 +86,9 @@ impl SuccessCriteria {
         within("slip_m", self.slip_m, 0.0, 0.2)?;
         within("slip_deg", self.slip_deg, 0.0, 180.0)?;
         within("at_rest_m_s", self.at_rest_m_s, 0.0, 1.0)?;
+        within("rest_m", self.rest_m, 0.0, 1.0)?;
+        within("release_m", self.release_m, 0.0, 1.0)?;
+        within("landing_m_s", self.landing_m_s, 0.0, 10.0)?;
         within("tilt_deg", self.tilt_deg, 0.0, 90.0)?;
         within("fallen_m", self.fallen_m, 0.0, 1.0)
     }

@@ -477,14 +477,17 @@ impl<'a> Trial<'a> {
             self.note_losses(&locations, handled);
         }
         self.note_blows();
+        let before = self.world.poses();
         let drift_m = self.world.drift(settings.drift_s);
+        let moved = self.world.moved_since(&before);
         let Self { setup, records, bodies, world, renderer, progress, film, .. } = self;
         // The robot numbers several of a kind as it likes; results are of bodies, so that runs can be compared.
         let order = bodies.order(self.items);
         let (mut records, bodies): (Vec<ItemRecord>, Bodies) =
             (order.iter().map(|&i| records[i].clone()).collect(), bodies.reordered(&order));
         let criteria = &setup.settings.success;
-        let items = finish(&setup.cell.scene, &world, criteria, (&mut records, &bodies), self.items);
+        let items =
+            finish(&setup.cell.scene, (&world, &moved), criteria, (&mut records, &bodies), self.items);
         let packed = items.iter().filter(|item| item.outcome == Outcome::Packed).count();
         let after = match self.options.pictures {
             Pictures::All { .. } => Some(setup.capture(&world, renderer, self.cameras.len())?.0.rgb),

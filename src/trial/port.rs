@@ -94,10 +94,11 @@ impl Observer for TrialObserver<'_, '_, '_> {
         let world = self.world.borrow();
         self.joints.push(time, world.joints());
         self.film.tick(&world);
-        if let Some(monitor) = &mut self.monitor
-            && matches!(step, StepName::Close | StepName::Lift | StepName::Carry)
-        {
-            monitor.step(&world);
+        let Some(monitor) = &mut self.monitor else { return };
+        match step {
+            StepName::Close | StepName::Lift | StepName::Carry => monitor.step(&world),
+            StepName::Release | StepName::Retreat => monitor.falling(&world),
+            _ => {}
         }
     }
 
@@ -107,6 +108,7 @@ impl Observer for TrialObserver<'_, '_, '_> {
         match report.name {
             StepName::Close => monitor.closed(&self.world.borrow()),
             StepName::Carry => monitor.carried(),
+            StepName::Lower => monitor.lowered(&self.world.borrow()),
             _ => {}
         }
     }

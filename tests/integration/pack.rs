@@ -44,7 +44,7 @@ fn the_same_seed_gives_the_same_trial_and_the_schema_holds() {
     assert_eq!(first, saved);
     assert_eq!(without_wall_times(first.clone()), without_wall_times(second));
 
-    assert_eq!(first["schema"], "grip.trial/4");
+    assert_eq!(first["schema"], "grip.trial/5");
     assert_eq!(first["seed"], 2);
     assert_eq!(first["scene"], "grocery");
     assert_eq!(first["condition"], "base");

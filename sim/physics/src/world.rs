@@ -311,13 +311,13 @@ impl World {
 
     /// What the pads' patches hold in the next step, by what they bore in the last one.
     fn press_pads(&mut self) -> EvenPads {
-        let pads = &self.settings.fingers;
+        let arm = self.settings.fingers.torsion_m;
         let mut left = Vec::with_capacity(self.objects.len());
-        for (object, contacts) in self.objects.iter().zip(&self.contacts.objects) {
-            let friction = 0.5 * (pads.pad_friction + object.model.info.friction);
+        for (index, (object, contacts)) in self.objects.iter().zip(&self.contacts.objects).enumerate() {
+            let friction = self.pad_friction(index);
             left.push(contacts.fingers.map(|contact| pads::left_for_torsion(friction, &contact) as f32));
             for (side, contact) in contacts.fingers.iter().enumerate() {
-                let limit = pads::torsion(friction, pads.torsion_m, contact);
+                let limit = pads::torsion(friction, arm, contact);
                 self.robot.fingers[side].brake(&mut self.physics, object.body, limit);
             }
         }
@@ -384,6 +384,17 @@ impl World {
             let turning = f64::from(body.angvel().length()) * object.model.diameter / 2.0;
             f64::from(body.linvel().length()) + turning
         })
+    }
+
+    /// Velocity of the centre of mass of object `index`, m/s.
+    pub fn velocity(&self, index: usize) -> Vector3<f64> {
+        let body = self.physics.bodies.get(self.objects[index].body);
+        body.map_or_else(Vector3::zeros, |body| convert::from_vector(body.linvel()))
+    }
+
+    /// Coefficient of friction between the pads and object `index`: the mean of both.
+    pub fn pad_friction(&self, index: usize) -> f64 {
+        0.5 * (self.settings.fingers.pad_friction + self.objects[index].model.info.friction)
     }
 
     /// Where object `index` really is. Score and tests only: perception and planning cannot name this type.
