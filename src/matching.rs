@@ -21,6 +21,11 @@ pub(crate) fn nearest_pairs(
     pairs.into_iter().map(|(_, i, j)| (i, j)).collect()
 }
 
+/// In place of a distance that nobody knows, metres: farther than anything in a cell, to another farther than to itself.
+pub(crate) fn unknown(itself: bool) -> f64 {
+    if itself { 1e3 } else { 2e3 }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -4,6 +4,7 @@
 //! is the larger of the two sides' (ours: their mean), but between fingers and objects, where it is given for each pair; rolling
 //! resistance; the protective stop. A pad's torsional friction is that of `physics.fingers.torsion_m`.
 
+use std::f64::consts::TAU;
 use std::fmt::Write;
 
 use anyhow::{Result, ensure};
@@ -14,7 +15,7 @@ use grip_sim::pose::{Object, Pose, World};
 use grip_sim::robot::{JointKind, RobotConfig, RobotModel};
 use grip_sim::scene::Scene;
 use grip_sim::shape::{CollisionShape, Convex};
-use nalgebra::{Isometry3, Matrix3};
+use nalgebra::{Isometry3, Matrix3, Point3};
 
 use crate::cell::Cell;
 
@@ -33,6 +34,19 @@ pub enum Robot<'a> {
     Hand(&'a [f64]),
 }
 
+/// What cylinders are written as.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Cylinders {
+    /// Themselves.
+    Cylinders,
+    /// Prisms of many sides: where an edge of a finger meets a cylinder MuJoCo 4.0 takes the finger's face for the contact's, and
+    /// fingers slip over what they should pinch.
+    Prisms,
+}
+
+/// Sides of a prism.
+const SIDES: u32 = 48;
+
 /// The file's text: table, bin, blocks, robot, and the objects where they are.
 ///
 /// # Errors
@@ -42,8 +56,9 @@ pub fn write(
     robot: Robot<'_>,
     objects: &[(&ObjectModel, Pose<World, Object>)],
     physics: &PhysicsSettings,
+    cylinders: Cylinders,
 ) -> Result<String> {
-    let mut file = File::default();
+    let mut file = File { prisms: cylinders == Cylinders::Prisms, ..File::default() };
     file.fixtures(&cell.scene, physics)?;
     let mut actuators = String::new();
     let fingers = file.robot(cell, robot, physics, &mut actuators)?;
@@ -79,6 +94,7 @@ struct File {
     bodies: String,
     pairs: String,
     meshes: usize,
+    prisms: bool,
     /// Of all joints in the order of the file, and of the drives.
     q: Vec<f64>,
     ctrl: Vec<f64>,
@@ -302,25 +318,33 @@ impl File {
     fn geom(&mut self, name: &str, shape: &CollisionShape, extra: &str, depth: usize) -> Result<()> {
         let solid = match &shape.geometry {
             Convex::Cuboid { half } => format!("type=\"box\" size=\"{}\"", numbers(half.as_slice())),
+            Convex::Cylinder { half_height, radius } if self.prisms => {
+                let rim = (0..SIDES).map(|k| (f64::from(k) / f64::from(SIDES) * TAU).sin_cos());
+                let corner = |(sin, cos): (f64, f64)| {
+                    [-half_height, *half_height].map(|z| Point3::new(radius * cos, radius * sin, z))
+                };
+                self.hull(&rim.flat_map(corner).collect::<Vec<_>>())?
+            }
             Convex::Cylinder { half_height, radius } => {
                 format!("type=\"cylinder\" size=\"{radius} {half_height}\"")
             }
             Convex::Sphere { radius } => format!("type=\"sphere\" size=\"{radius}\""),
-            Convex::Hull { points } => {
-                let mesh = format!("hull_{}", self.meshes);
-                self.meshes += 1;
-                let all: Vec<f64> = points.iter().flat_map(|point| point.coords.iter().copied()).collect();
-                writeln!(
-                    self.assets,
-                    "    <mesh name=\"{mesh}\" inertia=\"convex\" vertex=\"{}\"/>",
-                    numbers(&all)
-                )?;
-                format!("type=\"mesh\" mesh=\"{mesh}\"")
-            }
+            Convex::Hull { points } => self.hull(points)?,
         };
         let indent = "  ".repeat(depth);
         writeln!(self.bodies, "{indent}<geom name=\"{name}\" {solid} {} {extra}/>", place(&shape.pose))?;
         Ok(())
+    }
+}
+
+impl File {
+    /// A mesh of these corners; what a geom says of it.
+    fn hull(&mut self, points: &[Point3<f64>]) -> Result<String> {
+        let mesh = format!("hull_{}", self.meshes);
+        self.meshes += 1;
+        let all: Vec<f64> = points.iter().flat_map(|point| point.coords.iter().copied()).collect();
+        writeln!(self.assets, "    <mesh name=\"{mesh}\" inertia=\"convex\" vertex=\"{}\"/>", numbers(&all))?;
+        Ok(format!("type=\"mesh\" mesh=\"{mesh}\""))
     }
 }
 

@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::error::{Error, Result};
 use crate::files;
-use crate::range::Range;
+use crate::range::{Range, within};
 use crate::render::{Light, Lighting};
 
 /// How objects are put on the table.
@@ -51,6 +51,46 @@ impl Default for ExposureLimits {
     }
 }
 
+/// What objects really are beside what the table of objects says: shares of it, of which each object draws its own. The robot knows the
+/// table.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct TrueObjects {
+    /// Of its mass, 0.1 to 10.
+    #[serde(default = "same")]
+    pub mass: Range,
+    /// Of its friction, 0 to 4.
+    #[serde(default = "same")]
+    pub friction: Range,
+}
+
+fn same() -> Range {
+    Range::exactly(1.0)
+}
+
+impl TrueObjects {
+    /// Mass and friction of the next object, as shares of what the table says.
+    pub fn draw(&self, rng: &mut impl Rng) -> [f64; 2] {
+        [self.mass.draw(rng), self.friction.draw(rng)]
+    }
+
+    fn problem(&self) -> Option<String> {
+        for (field, range, least, most) in
+            [("mass", self.mass, 0.1, 10.0), ("friction", self.friction, 0.0, 4.0)]
+        {
+            if let Some(problem) = range.problem() {
+                return Some(format!("objects.{field} = {problem}"));
+            }
+            if let Err(problem) =
+                [range.min, range.max].into_iter().try_for_each(|end| within(field, end, least, most))
+            {
+                return Some(format!("objects.{problem}"));
+            }
+        }
+        None
+    }
+}
+
 /// One condition, every number drawn. Positions in it are in the world frame of a scene whose robot stands at the origin
 /// and looks along +x at a table about 0.75 m away.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, JsonSchema)]
@@ -63,6 +103,9 @@ pub struct Condition {
     pub lighting: Lighting,
     /// Limits of the colour camera.
     pub exposure: ExposureLimits,
+    /// Where objects are not what the table says.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub objects: Option<TrueObjects>,
 }
 
 /// A condition as written in its file: numbers of the light may be ranges, from which each run draws its own.
@@ -82,6 +125,9 @@ pub struct ConditionSpec {
     /// Limits of the colour camera.
     #[serde(default)]
     pub exposure: ExposureLimits,
+    /// Where objects are not what the table says.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub objects: Option<TrueObjects>,
 }
 
 /// [`Lighting`] with ranges.
@@ -227,6 +273,7 @@ impl ConditionSpec {
                 lights: lights.iter().map(|light| light.resolve(&mut pick)).collect(),
             },
             exposure: self.exposure,
+            objects: self.objects,
         }
     }
 
@@ -246,6 +293,9 @@ impl ConditionSpec {
                     return Some(format!("lighting.lights[{i}].{field} = {problem}"));
                 }
             }
+        }
+        if let Some(problem) = self.objects.and_then(|objects| objects.problem()) {
+            return Some(problem);
         }
         // Whatever is drawn lies between these two.
         for end in [|range: &Range| range.min, |range: &Range| range.max] {

@@ -1,7 +1,7 @@
 //! `grip export`: a settled scene as another program reads it.
 
 use anyhow::{Context, Result};
-use grip::mjcf::{self, Robot};
+use grip::mjcf::{self, Cylinders, Robot};
 use grip::setup::{GROCERY, Setup};
 
 use super::Done;
@@ -16,7 +16,8 @@ pub fn run(args: &ExportArgs) -> Result<Done> {
     let objects: Vec<_> = placed.iter().map(|(model, pose)| (&**model, *pose)).collect();
     let q = &setup.cell.start;
     let robot = if args.hand { Robot::Hand(q) } else { Robot::Whole(q) };
-    let text = mjcf::write(&setup.cell, robot, &objects, &setup.settings.physics)?;
+    let physics = &setup.settings.physics;
+    let text = mjcf::write(&setup.cell, robot, &objects, physics, Cylinders::Cylinders)?;
     if let Some(folder) = args.mjcf.parent().filter(|folder| !folder.as_os_str().is_empty()) {
         std::fs::create_dir_all(folder)
             .with_context(|| format!("{}: cannot be made; give another --mjcf", folder.display()))?;

@@ -22,7 +22,7 @@ use serde_json::{Value, json};
 
 pub use self::grip::Grip;
 pub use self::recorded::Recorded;
-use crate::matching::nearest_pairs;
+use crate::matching::{self, nearest_pairs};
 use crate::setup::Setup;
 
 /// What an estimator is told of one look of the robot.
@@ -67,8 +67,6 @@ pub(crate) fn told_apart(
     confident: impl Fn(&PosePosterior) -> bool,
     before: impl Fn(usize) -> Option<Pose<World, Object>>,
 ) -> Estimates {
-    /// Farther than anything in a cell, metres.
-    const FAR: f64 = 1e3;
     let numbers: Vec<usize> = estimates.iter().map(|(i, _)| *i).collect();
     let places: Vec<Option<Pose<World, Object>>> = numbers.iter().map(|i| before(*i)).collect();
     let distance = |estimate: usize, place: usize| {
@@ -77,7 +75,7 @@ pub(crate) fn told_apart(
             return None;
         }
         let known = places[place].filter(|_| confident(posterior));
-        let unknown = if estimate == place { FAR } else { 2.0 * FAR };
+        let unknown = matching::unknown(estimate == place);
         let now = *world_from_camera * posterior.best;
         Some(known.map_or(unknown, |then| (now.translation() - then.translation()).norm()))
     };

@@ -6,16 +6,13 @@
 use grip_physics::World;
 use grip_sim::pose::{Object, Pose, World as WorldFrame};
 
-use crate::matching::nearest_pairs;
+use crate::matching::{self, nearest_pairs};
 
 /// The body of each item, and back.
 #[derive(Debug, Clone)]
 pub struct Bodies {
     of_item: Vec<usize>,
 }
-
-/// Farther than anything in a cell, metres.
-const FAR: f64 = 1e3;
 
 impl Bodies {
     /// Item `i` is body `i`.
@@ -66,7 +63,7 @@ impl Bodies {
                 return None;
             }
             // Of an item that nobody knows a place of any body will do, best its own.
-            let unknown = if own == body { FAR } else { 2.0 * FAR };
+            let unknown = matching::unknown(own == body);
             let far = |pose: &Pose<WorldFrame, Object>| {
                 (pose.translation() - world.truth(body).translation()).norm()
             };

@@ -168,13 +168,27 @@ impl Setup {
         let fresh = || self.empty_world(self.cell.start.clone());
         Ok(drop_objects(
             &self.cell.scene,
-            &self.models,
+            &self.true_models(),
             self.condition.placement,
             &self.settings.physics.placement,
             self.seed,
             Accept::ALL,
             fresh,
         )?)
+    }
+
+    /// The scene's objects as they are, whatever the table of objects says and the robot believes.
+    fn true_models(&self) -> Vec<Arc<ObjectModel>> {
+        let Some(objects) = self.condition.objects else { return self.models.clone() };
+        let mut random = rng::stream(self.seed, "objects");
+        let other = |model: &Arc<ObjectModel>| {
+            let [mass, friction] = objects.draw(&mut random);
+            let mut model = (**model).clone();
+            model.info.mass_kg *= mass;
+            model.info.friction *= friction;
+            Arc::new(model)
+        };
+        self.models.iter().map(other).collect()
     }
 
     /// Takes a picture with the head camera as the robot stands. `shot` numbers the pictures of a run, so that each has

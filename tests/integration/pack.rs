@@ -1,6 +1,8 @@
 //! The main job, end to end, as a user runs it.
 
 use crate::common::{self, code, root, stderr, stdout};
+use grip::setup::{Setup, SetupOptions};
+use grip_sim::objects::ObjectInfo;
 use serde_json::Value;
 
 /// Packs with `--json`; returns the result and the run folder's result.json.
@@ -173,12 +175,38 @@ fn scenes_of_the_project_are_valid() {
     assert!(scenes > 0);
     let conditions = root().join("scenes/conditions");
     let names = grip_sim::condition::ConditionSpec::names(&conditions).unwrap();
-    for name in ["base", "dark", "light-left", "light-right", "clutter-1", "clutter-2", "clutter-3"] {
+    for name in
+        ["base", "dark", "light-left", "light-right", "clutter-1", "clutter-2", "clutter-3", "slippery"]
+    {
         assert!(names.iter().any(|n| n == name), "{name}");
     }
     for name in names {
         grip_sim::condition::ConditionSpec::load_named(&conditions, &name).unwrap();
     }
+}
+
+#[test]
+fn objects_may_be_other_than_the_robot_knows_and_the_same_seed_gives_the_same_ones() {
+    let load = |condition: &str| {
+        let options = SetupOptions { condition: condition.into(), ..SetupOptions::default() };
+        let setup = Setup::load(&options).unwrap();
+        let placed = setup.drop_objects().unwrap().0.placed();
+        let of = |info: &ObjectInfo| (info.name.clone(), info.mass_kg, info.friction);
+        let known: Vec<_> = setup.models.iter().map(|model| of(&model.info)).collect();
+        (known, placed.iter().map(|(model, _)| of(&model.info)).collect::<Vec<_>>())
+    };
+    let (known, real) = load("base");
+    assert_eq!(known, real);
+    let (still_known, others) = load("slippery");
+    assert_eq!(known, still_known, "the table is what the robot knows");
+    for ((name, mass, friction), (other, true_mass, true_friction)) in known.iter().zip(&others) {
+        assert_eq!(name, other);
+        assert!((0.5..=1.5).contains(&(true_mass / mass)), "{name}: {true_mass} kg");
+        assert!((0.5..=1.0).contains(&(true_friction / friction)), "{name}: {true_friction}");
+    }
+    let shares: Vec<f64> = known.iter().zip(&others).map(|(known, other)| other.1 / known.1).collect();
+    assert!(shares.windows(2).all(|pair| (pair[0] - pair[1]).abs() > 1e-6), "each has its own: {shares:?}");
+    assert_eq!(others, load("slippery").1);
 }
 
 #[test]

@@ -186,10 +186,10 @@ pub(crate) struct RobotBody {
     acceleration: Vec<f64>,
     finger_target: f64,
     pub stop: Option<Stop>,
-    /// Steps in a row with too much force on a link.
-    overload: u32,
-    /// Steps for which force may not stop the arm, after a stop was cleared.
-    grace: u32,
+    /// Control steps in a row with too much force on a link.
+    overload: f64,
+    /// Control steps for which force may not stop the arm, after a stop was cleared.
+    grace: f64,
     /// What the arm was inside of when a stop was cleared: it may back out of that.
     backing_out: Vec<Penetration>,
     /// World poses of all links at `q`, fingers as physics has them.
@@ -202,8 +202,8 @@ impl RobotBody {
         if self.stop.take().is_none() {
             return;
         }
-        self.overload = 0;
-        self.grace = self.stopping.grace_steps;
+        self.overload = 0.0;
+        self.grace = f64::from(self.stopping.grace_steps);
         self.backing_out = self.penetrations(fixed);
     }
 
@@ -276,8 +276,8 @@ impl RobotBody {
             acceleration,
             finger_target,
             stop: None,
-            overload: 0,
-            grace: 0,
+            overload: 0.0,
+            grace: 0.0,
             backing_out: Vec::new(),
             link_poses,
             world_from_base,
@@ -355,8 +355,14 @@ impl RobotBody {
         }
     }
 
-    /// Reads back where the fingers are and decides on the protective stop. Call after each physics step.
-    pub fn sense(&mut self, physics: &PhysicsWorld, contacts: &Contacts, fixed: &[(Pose, SharedShape)]) {
+    /// Reads back where the fingers are and decides on the protective stop. Call after each physics step, `share` of a control step.
+    pub fn sense(
+        &mut self,
+        physics: &PhysicsWorld,
+        contacts: &Contacts,
+        fixed: &[(Pose, SharedShape)],
+        share: f64,
+    ) {
         let world_from_gripper = self.link_poses[self.gripper];
         for finger in &self.fingers {
             if let Some(body) = physics.bodies.get(finger.body) {
@@ -368,8 +374,8 @@ impl RobotBody {
             }
         }
         let overloaded = contacts.link_force.is_some_and(|(newtons, _)| newtons > self.stopping.force_n);
-        self.grace = self.grace.saturating_sub(1);
-        self.overload = if overloaded && self.grace == 0 { self.overload + 1 } else { 0 };
+        self.grace = (self.grace - share).max(0.0);
+        self.overload = if overloaded && self.grace == 0.0 { self.overload + share } else { 0.0 };
         if self.stop.is_none() {
             self.stop = self.reason_to_stop(contacts, fixed);
         }
@@ -377,7 +383,9 @@ impl RobotBody {
 
     /// Kinematic bodies make no contacts with fixed ones, so arm against table and bin is asked of parry here.
     fn reason_to_stop(&self, contacts: &Contacts, fixed: &[(Pose, SharedShape)]) -> Option<Stop> {
-        if let Some((newtons, link)) = contacts.link_force.filter(|_| self.overload >= self.stopping.steps) {
+        if let Some((newtons, link)) =
+            contacts.link_force.filter(|_| self.overload >= f64::from(self.stopping.steps))
+        {
             return Some(Stop::Force { link: self.model.links()[link].name.clone(), newtons });
         }
         if self.qd.iter().all(|v| v.abs() < 1e-6) {
@@ -414,6 +422,11 @@ impl RobotBody {
             }
         }
         found
+    }
+
+    /// Where the joints were told to go last.
+    pub fn target(&self) -> &[f64] {
+        &self.target
     }
 
     /// Joint velocities, all movable joints.

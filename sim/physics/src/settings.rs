@@ -33,6 +33,9 @@ pub struct PhysicsSettings {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct SolverSettings {
+    /// Steps of the engine in each control step of 1/240 s, 1 to 16. Default 1. More are finer, as much slower, and within the scatter of
+    /// one ([how far results depend on it](../../../docs/limits.md)).
+    pub steps: usize,
     /// Iterations of the constraint solver a step, 1 to 100. Default 8.
     pub iterations: usize,
     /// Natural frequency of contacts between bodies that move, Hz, 1 to 1000. Default 120.
@@ -54,6 +57,7 @@ pub struct SolverSettings {
 impl Default for SolverSettings {
     fn default() -> Self {
         Self {
+            steps: 1,
             iterations: 8,
             contact_hz: 120.0,
             static_contact_hz: 25.0,
@@ -300,6 +304,7 @@ impl PhysicsSettings {
     /// The first that is not, by its name in the tree, its value and its range.
     pub fn validate(&self) -> Result<(), String> {
         let Self { solver, objects, servo, fingers, stop, placement, layout } = self;
+        within("solver.steps", solver.steps as f64, 1.0, 16.0)?;
         within("solver.iterations", solver.iterations as f64, 1.0, 100.0)?;
         within("solver.contact_hz", solver.contact_hz, 1.0, 1000.0)?;
         within("solver.static_contact_hz", solver.static_contact_hz, 1.0, 1000.0)?;

@@ -237,7 +237,28 @@ impl World {
 
     /// Advances one step (of 1/[`STEP_HZ`] s unless [`World::for_layout`]) with the robot's joints driven towards `target` (all movable joints).
     pub fn step(&mut self, target: &[f64], grip: Grip) {
-        let dt = 1.0 / f64::from(self.step_hz);
+        for object in &mut self.objects {
+            let newest = self.steps as usize % object.recent.len();
+            object.recent[newest] = 0.0;
+        }
+        match if self.for_layout { 1 } else { self.settings.solver.steps } {
+            1 => self.engine_step(target, grip, 1.0),
+            steps => {
+                let before = self.robot.target().to_vec();
+                for k in 1..=steps {
+                    let share = k as f64 / steps as f64;
+                    let mix = |(from, to): (&f64, &f64)| from + share * (to - from);
+                    let target: Vec<f64> = before.iter().zip(target).map(mix).collect();
+                    self.engine_step(&target, grip, 1.0 / steps as f64);
+                }
+            }
+        }
+        self.steps += 1;
+    }
+
+    /// A share of a step.
+    fn engine_step(&mut self, target: &[f64], grip: Grip, share: f64) {
+        let dt = share / f64::from(self.step_hz);
         self.robot.drive(&mut self.physics, target, grip, dt);
         self.resist_rolling(dt);
         match self.settings.fingers.pads {
@@ -249,14 +270,13 @@ impl World {
         }
         self.contacts = Contacts::read(&self.physics, self.objects.len(), self.robot.gripper);
         self.feel(dt);
-        self.robot.sense(&self.physics, &self.contacts, &self.fixed);
+        self.robot.sense(&self.physics, &self.contacts, &self.fixed, share);
         for (object, contacts) in self.objects.iter_mut().zip(&self.contacts.objects) {
             object.peak_force = object.peak_force.max(contacts.largest_force);
             let newest = self.steps as usize % object.recent.len();
-            object.recent[newest] = contacts.blow_force / f64::from(self.step_hz);
+            object.recent[newest] += contacts.blow_force * share / f64::from(self.step_hz);
             object.peak_impulse = object.peak_impulse.max(object.recent.iter().sum());
         }
-        self.steps += 1;
     }
 
     /// What the hand feels. Objects hang on the pads by friction, of which the solver tells nothing: by Newton's second law an
@@ -586,7 +606,7 @@ fn insert_fixed(physics: &mut PhysicsWorld, pose: Pose, solid: SharedShape, fric
 
 fn tune(parameters: &mut IntegrationParameters, solver: &SolverSettings) {
     let damping = solver.contact_damping as f32;
-    parameters.dt = 1.0 / STEP_HZ as f32;
+    parameters.dt = 1.0 / (STEP_HZ as usize * solver.steps) as f32;
     parameters.num_solver_iterations = solver.iterations;
     parameters.contact_softness = SpringCoefficients::new(solver.contact_hz as f32, damping);
     parameters.static_contact_softness = SpringCoefficients::new(solver.static_contact_hz as f32, damping);

@@ -162,6 +162,24 @@ impl Layout {
         if clauses.held_after_carry {
             (line.slip_m, line.slip_deg) = (Some(measures.slip_m), Some(measures.slip_deg));
         }
+        for step in &report.steps {
+            log::debug!(
+                "{} seed {} case {case}: {:?}: {:.2} s to {:.2} s, {:.0} N{}",
+                self.object,
+                self.seed,
+                step.name,
+                step.begin_s,
+                step.end_s,
+                step.peak_contact_n,
+                if step.stopped_early { ", stopped early" } else { "" }
+            );
+        }
+        log::debug!(
+            "{} seed {} case {case}: {measures:?}, width {:?}",
+            self.object,
+            self.seed,
+            report.grasp_width_m
+        );
         if let Some((stage, _, reason)) = report.failure() {
             log::debug!("{} seed {} case {case}: {stage:?}: {reason}", self.object, self.seed);
         }

@@ -11,7 +11,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::Sweep;
-use crate::mjcf::{self, Robot};
+use crate::mjcf::{self, Cylinders, Robot};
 use crate::setup::Setup;
 
 /// Poses of the hand a second.
@@ -106,7 +106,8 @@ pub fn write_models(sweep: &Sweep, folder: &Path) -> Result<()> {
         let table = setup.cell.scene.table.height;
         let standing = Pose::from_xyz_rpy([0.6, 0.0, table - model.min.z], [0.0; 3]);
         let hand = Robot::Hand(&setup.cell.start);
-        let text = mjcf::write(&setup.cell, hand, &[(&model, standing)], &setup.settings.physics)?;
+        let physics = &setup.settings.physics;
+        let text = mjcf::write(&setup.cell, hand, &[(&model, standing)], physics, Cylinders::Prisms)?;
         write_atomic(&folder.join(format!("{name}.xml")), text.as_bytes())?;
     }
     Ok(())
