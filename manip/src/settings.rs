@@ -31,6 +31,9 @@ pub struct PlannerSettings {
     pub wall_clearance: f64,
     /// Straight way from above down to a place, metres, at least, 0.01 to 1. Default 0.08.
     pub least_lower: f64,
+    /// How far what is held is moved from side to side above its place before it is lowered, along the world's x, y and z, metres, 0 to
+    /// 0.3. Default 0: not at all. Its speed is `grasp_test.shake_speed`.
+    pub shake: f64,
     /// Straight way back from a placed object, metres, 0.01 to 1. Default 0.10.
     pub retreat: f64,
     /// How much wider than the object the gripper opens to let go, metres, both sides together, 0.001 to 0.2. Default 0.030.
@@ -88,6 +91,7 @@ impl Default for PlannerSettings {
             table_snap: 0.015,
             wall_clearance: 0.03,
             least_lower: 0.08,
+            shake: 0.0,
             retreat: 0.10,
             release_opening: 0.030,
             guard_force: 20.0,
@@ -124,6 +128,7 @@ impl PlannerSettings {
             .number("table_snap", self.table_snap, 0.0..=0.1, "metres")
             .number("wall_clearance", self.wall_clearance, 0.0..=0.5, "metres")
             .number("least_lower", self.least_lower, 0.01..=1.0, "metres")
+            .number("shake", self.shake, 0.0..=0.3, "metres")
             .number("retreat", self.retreat, 0.01..=1.0, "metres")
             .number("release_opening", self.release_opening, 0.001..=0.2, "metres")
             .number("guard_force", self.guard_force, 1.0..=1000.0, "newtons")

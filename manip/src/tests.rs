@@ -29,7 +29,11 @@ fn ready() -> Vec<f64> {
 }
 
 fn plan(belief: &BeliefScene, target: usize, seed: u64) -> PickPlacePlan {
-    planner()
+    plan_by(planner(), belief, target, seed)
+}
+
+fn plan_by(planner: &Planner, belief: &BeliefScene, target: usize, seed: u64) -> PickPlacePlan {
+    planner
         .plan_pick_place(belief, target, &ready(), Risk::Tolerant, seed)
         .unwrap_or_else(|e| panic!("{:?} {e} {:?}", e.stage, e.counters))
 }
@@ -121,10 +125,16 @@ fn every_grocery_gets_a_plan_whose_motions_meet_and_respect_all_limits() {
 #[test]
 fn plans_are_free_of_collision_at_every_control_point() {
     let belief = snapped_to_ground(&groceries(), 0.015);
-    let planner = planner();
-    let checker = CollisionChecker::new(planner.robot().clone(), &belief);
-    for target in 0..belief.objects.len() {
-        let plan = plan(&belief, target, 2);
+    let (model, config) = fetch();
+    let shaking = Planner::new(model, config, PlannerSettings { shake: 0.02, ..PlannerSettings::default() });
+    let all = (0..belief.objects.len()).map(|target| (planner(), target, 0)).chain([(&shaking, 0, 12)]);
+    for (planner, target, shakes) in all {
+        let checker = CollisionChecker::new(planner.robot().clone(), &belief);
+        let plan = plan_by(planner, &belief, target, 2);
+        let names: Vec<StepName> = plan.steps.iter().map(|step| step.name).collect();
+        assert_eq!(names.iter().filter(|name| **name == StepName::Shake).count(), shakes);
+        let lower = names.iter().position(|name| *name == StepName::Lower).unwrap();
+        assert_eq!(names[lower - 1], if shakes > 0 { StepName::Shake } else { StepName::Carry });
         let model = &belief.objects[target].model;
         let held = HeldObject::new(model, target, *plan.grasp.object_from_gripper.inverse().iso());
         let touch = crate::grasp::hand_may_touch(planner.robot(), target);

@@ -96,7 +96,7 @@ impl Observer for TrialObserver<'_, '_, '_> {
         self.film.tick(&world);
         let Some(monitor) = &mut self.monitor else { return };
         match step {
-            StepName::Close | StepName::Lift | StepName::Carry => monitor.step(&world),
+            StepName::Close | StepName::Lift | StepName::Carry | StepName::Shake => monitor.step(&world),
             StepName::Release | StepName::Retreat => monitor.falling(&world),
             _ => {}
         }
@@ -107,7 +107,8 @@ impl Observer for TrialObserver<'_, '_, '_> {
         self.film.step_done(&self.world.borrow(), report.name);
         match report.name {
             StepName::Close => monitor.closed(&self.world.borrow()),
-            StepName::Carry => monitor.carried(),
+            // Where there is a shake, its last motion counts.
+            StepName::Carry | StepName::Shake => monitor.carried(),
             StepName::Lower => monitor.lowered(&self.world.borrow()),
             _ => {}
         }

@@ -39,6 +39,8 @@ pub(crate) struct Picked {
 /// A place with its straight motions.
 struct Placed {
     place: PlacePose,
+    /// From side to side above it, if at all.
+    shake: Vec<CartesianPath>,
     /// From above to the release, fingers closed.
     lower: CartesianPath,
     /// From the release back, fingers open.
@@ -342,6 +344,17 @@ impl<'a> Attempt<'a> {
         if self.checker.in_collision(raise.end(), &clear).is_some() {
             return None;
         }
+        // Out and back, so that the lowering begins where it would without.
+        let mut shake: Vec<CartesianPath> = Vec::new();
+        let axes: &[Vector3<f64>] = &[Vector3::x(), Vector3::y(), Vector3::z()];
+        for axis in if settings.shake > 0.0 { axes } else { &[] } {
+            for way in [settings.shake, -settings.shake] {
+                let free = |_: f64, q: &[f64]| self.checker.in_collision(q, &holding);
+                let out = translate(solver, raise.end(), *axis * way, free).ok()?;
+                let back = out.reversed();
+                shake.extend([out, back]);
+            }
+        }
         let empty = CollisionQuery { held: None, allowed: &self.touch, margins: settings.near_margins };
         let open = self.planner.with_fingers(&q, opening);
         let back = base_from_gripper.rotation * -Vector3::x();
@@ -349,7 +362,7 @@ impl<'a> Attempt<'a> {
             translate(solver, &open, way, |_, q| self.checker.in_collision(q, &empty)).ok()
         })?;
         self.counters.places_reached += 1;
-        Some(Placed { place: place.clone(), lower: raise.reversed(), retreat, opening })
+        Some(Placed { place: place.clone(), shake, lower: raise.reversed(), retreat, opening })
     }
 
     fn assemble(
@@ -377,17 +390,21 @@ impl<'a> Attempt<'a> {
         let opening = picked.grasp.opening;
         let width = picked.grasp.width;
         let released = placed.opening;
-        let steps = [
+        let mut steps = vec![
             (StepName::Open, grip(GripperCommand::Open { width: opening }, opening)),
             (StepName::ToPregrasp, free(to_pregrasp, false)),
             (StepName::Approach, straight(&picked.approach, slow, true, false)),
             (StepName::Close, grip(GripperCommand::Close { force_n }, width)),
             (StepName::Lift, straight(&picked.lift, fast, false, true)),
             (StepName::Carry, free(carry, true)),
+        ];
+        let speed = settings.grasp_test.shake_speed;
+        steps.extend(placed.shake.iter().map(|path| (StepName::Shake, straight(path, speed, false, true))));
+        steps.extend([
             (StepName::Lower, straight(&placed.lower, slow, true, true)),
             (StepName::Release, grip(GripperCommand::Open { width: released }, released)),
             (StepName::Retreat, straight(&placed.retreat, fast, false, false)),
-        ];
+        ]);
         let mut world_from_object = *placed.place.world_from_object.iso();
         world_from_object.translation.vector.z += settings.place.release_height;
         PickPlacePlan {

@@ -279,8 +279,8 @@ impl World {
         }
     }
 
-    /// What the hand feels. Objects hang on the pads by friction, of which the solver tells nothing: by Newton's second law an
-    /// object in the hand passes on its weight, its inertia and what presses on it from elsewhere (friction there aside).
+    /// What the hand feels: with even pads what the solver says. With the others by Newton's second law: an object in the hand passes
+    /// on its weight, its inertia and what presses on it from elsewhere (friction there aside).
     fn feel(&mut self, dt: f64) {
         if self.settings.fingers.pads == PadModel::Even {
             self.hand_force = self.contacts.on_hand;
