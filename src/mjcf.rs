@@ -82,7 +82,7 @@ pub fn write(
          <default><geom condim=\"3\" solref=\"0.004 1\"/></default>\n  <asset>\n{assets}  </asset>\n  <worldbody>\n    \
          <light pos=\"0 0 3\"/>\n{bodies}  </worldbody>\n  <contact>\n{pairs}  </contact>\n  <actuator>\n{actuators}  </actuator>\n  \
          <keyframe>\n    <key name=\"start\" qpos=\"{qpos}\" ctrl=\"{ctrl}\"/>\n  </keyframe>\n</mujoco>\n",
-        name = cell.scene.name,
+        name = escaped(&cell.scene.name),
         qpos = numbers(&q),
         ctrl = numbers(&ctrl),
     ))
@@ -123,7 +123,7 @@ impl File {
         model: &ObjectModel,
         pose: &Pose<World, Object>,
     ) -> Result<Vec<String>> {
-        let name = format!("{}_{index}", model.info.name);
+        let name = escaped(&format!("{}_{index}", model.info.name));
         let volumes: Vec<f64> = model
             .collision
             .iter()
@@ -168,7 +168,8 @@ impl File {
         match part {
             Robot::Whole(q) => {
                 let base = *cell.scene.world_from_base().iso();
-                let mut tree = Tree { model, config, physics, q, actuators, fingers: &mut fingers };
+                let poses = model.fk(q);
+                let mut tree = Tree { model, config, physics, q, poses, actuators, fingers: &mut fingers };
                 self.link(&mut tree, 0, &base, 2)?;
             }
             Robot::Hand(q) => {
@@ -186,11 +187,11 @@ impl File {
                     "      <inertial pos=\"0 0 0\" mass=\"1e4\" diaginertia=\"1e3 1e3 1e3\"/>"
                 )?;
                 self.link_geoms(model, hand, LINK, physics.servo.link_friction, 3)?;
-                let mut tree = Tree { model, config, physics, q, actuators, fingers: &mut fingers };
                 let poses = model.fk(q);
+                let mut tree = Tree { model, config, physics, q, poses, actuators, fingers: &mut fingers };
                 for joint in config.gripper.fingers {
                     let joint = &model.joints()[joint];
-                    let origin = poses[hand].inverse() * poses[joint.parent] * joint.origin;
+                    let origin = tree.poses[hand].inverse() * tree.poses[joint.parent] * joint.origin;
                     self.link(&mut tree, joint.child, &origin, 3)?;
                 }
                 writeln!(self.bodies, "    </body>")?;
@@ -206,7 +207,12 @@ impl File {
         let indent = "  ".repeat(depth);
         let joint = link.parent_joint.as_ref().and_then(|parent| parent.moved_by);
         let finger = joint.is_some_and(|joint| config.gripper.fingers.contains(&joint));
-        writeln!(self.bodies, "{indent}<body name=\"{}\" {} gravcomp=\"1\">", link.name, place(at))?;
+        writeln!(
+            self.bodies,
+            "{indent}<body name=\"{}\" {} gravcomp=\"1\">",
+            escaped(&link.name),
+            place(at)
+        )?;
         if let Some(number) = joint {
             let joint = &model.joints()[number];
             ensure!(
@@ -251,10 +257,7 @@ impl File {
                 // Where the joint is at zero.
                 let origin = match parent.moved_by {
                     Some(joint) => model.joints()[joint].origin,
-                    None => {
-                        let poses = model.fk(tree.q);
-                        poses[index].inverse() * poses[child]
-                    }
+                    None => tree.poses[index].inverse() * tree.poses[child],
                 };
                 self.link(tree, child, &origin, depth + 1)?;
             }
@@ -276,7 +279,7 @@ impl File {
         writeln!(
             self.bodies,
             "{indent}  <joint name=\"{}\" type=\"{kind}\" axis=\"{}\"{range}/>",
-            joint.name,
+            escaped(&joint.name),
             numbers(joint.axis.as_slice())
         )?;
         let (stiffness, damping) = if finger {
@@ -290,7 +293,8 @@ impl File {
         writeln!(
             tree.actuators,
             "    <position name=\"{0}\" joint=\"{0}\" kp=\"{stiffness}\" kv=\"{damping}\"{1}/>",
-            joint.name, force
+            escaped(&joint.name),
+            force
         )?;
         Ok(())
     }
@@ -306,7 +310,7 @@ impl File {
         let link = &model.links()[link];
         let mut names = Vec::new();
         for (number, shape) in link.collisions.iter().enumerate() {
-            let name = format!("{}_{number}", link.name);
+            let name = escaped(&format!("{}_{number}", link.name));
             let extra =
                 format!("mass=\"0\" friction=\"{friction} 0 0\" rgba=\"0.5 0.5 0.55 1\" {}", bits(group));
             self.geom(&name, shape, &extra, depth)?;
@@ -354,8 +358,15 @@ struct Tree<'a> {
     config: &'a RobotConfig,
     physics: &'a PhysicsSettings,
     q: &'a [f64],
+    /// Of all links, in the robot's base.
+    poses: Vec<Isometry3<f64>>,
     actuators: &'a mut String,
     fingers: &'a mut Vec<String>,
+}
+
+/// A name of others as the value of an attribute.
+fn escaped(name: &str) -> String {
+    name.replace('&', "&amp;").replace('<', "&lt;").replace('"', "&quot;")
 }
 
 fn bits([is, meets]: [u32; 2]) -> String {
@@ -375,4 +386,30 @@ fn pose_numbers(pose: &Isometry3<f64>) -> [f64; 7] {
 
 fn numbers(values: &[f64]) -> String {
     values.iter().map(f64::to_string).collect::<Vec<_>>().join(" ")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::setup::{Setup, SetupOptions};
+
+    #[test]
+    fn names_of_others_leave_the_file_whole() {
+        let mut setup = Setup::load(&SetupOptions::default()).unwrap();
+        let name = "a \"b\" & <c>";
+        setup.cell.scene.name = name.to_owned();
+        let mut model = (*setup.models[0]).clone();
+        model.info.name = name.to_owned();
+        for robot in [Robot::Whole(&setup.cell.start), Robot::Hand(&setup.cell.start)] {
+            let at = Pose::from_xyz_rpy([0.6, 0.0, 0.7], [0.0; 3]);
+            let physics = &setup.settings.physics;
+            let text = write(&setup.cell, robot, &[(&model, at)], physics, Cylinders::Cylinders).unwrap();
+            let file = roxmltree::Document::parse(&text).unwrap();
+            assert_eq!(file.root_element().attribute("model"), Some(name));
+            let bodies = file.descendants().filter(|node| node.has_tag_name("body"));
+            let named =
+                bodies.filter_map(|body| body.attribute("name")).filter(|of| *of == format!("{name}_0"));
+            assert_eq!(named.count(), 1);
+        }
+    }
 }

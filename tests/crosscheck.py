@@ -4,7 +4,7 @@
     python3 tests/crosscheck.py runs/sweep [--limit N] [--jobs J] [--nudge MM] [--out FILE]
 
 The hand is a body that goes where the sweep's motions say; fingers, object and table are MuJoCo's: its contacts, friction and solver, on
-the convex pieces, masses and frictions of `mjcf/OBJECT.xml`. The same clauses decide: both fingers pressed from opposite sides, lifted by
+the convex pieces, masses and frictions of `mjcf/OBJECT.xml`. The same clauses decide, with the sweep's settings: both fingers pressed from opposite sides, lifted by
 3 cm clear of everything, still so at the end of the shake, slipped by at most 20 mm and 20 degrees. Needs `mujoco` of PyPI.
 """
 
@@ -19,18 +19,16 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
-# The executor's and the score's numbers (`grip settings`): executor.*, success.*, physics.fingers.*.
+# The control rate, which is no setting; and the fingers' speed, of the robot's file.
 PERIOD_S = 1 / 240
-FORCE_PERIODS = 2
-RELIEF_S, RELIEF_SHARE, BACK_OFF = 0.3, 0.25, 0.5
-STILL_M, PRESSED_SHARE, LOST_M = 2e-4, 0.8, 0.01
-PINCH_N, OPPOSING, HOLD_S, LIFT_M, SLIP_M, SLIP_DEG = 1.0, -0.3, 0.1, 0.03, 0.020, 20.0
+FINGER_SPEED = 0.05
 
 
 class Bench:
     """A hand, a table and an object."""
 
-    def __init__(self, xml):
+    def __init__(self, xml, settings):
+        self.settings = settings
         self.model = model = mujoco.MjModel.from_xml_path(str(xml))
         self.data = mujoco.MjData(model)
         free = [j for j in range(model.njnt) if model.jnt_type[j] == mujoco.mjtJoint.mjJNT_FREE]
@@ -43,7 +41,7 @@ class Bench:
         self.hand_body, self.object_body = (model.jnt_bodyid[j] for j in free)
         self.upper = model.jnt_range[slides[0], 1]
         self.stiffness = model.actuator_gainprm[0, 0]
-        self.speed = 0.05
+        self.speed = FINGER_SPEED
         of_body = lambda body: [g for g in range(model.ngeom) if model.geom_bodyid[g] == body]
         self.palm = of_body(self.hand_body)
         self.fixtures = [g for g in of_body(0) if model.geom_type[g] != mujoco.mjtGeom.mjGEOM_PLANE]
@@ -132,6 +130,8 @@ class Bench:
     def try_grasp(self, motion, nudge=(0.0, 0.0, 0.0)):
         """What became of the grasp, in the sweep's words."""
         dt = self.model.opt.timestep
+        executor, success = self.settings["executor"], self.settings["success"]
+        margin = self.settings["physics"]["fingers"]["force_margin"]
         self.begin(motion, np.array(nudge))
         every = round(PERIOD_S / dt)
         for _ in range(round(0.3 / dt)):
@@ -150,17 +150,17 @@ class Bench:
             if self.palm_hits():
                 return "collision_on_approach"
             pressed = pressed + 1 if felt() > motion["guard_n"] else 0
-            if pressed >= FORCE_PERIODS:
+            if pressed >= executor["force_periods"]:
                 left = np.linalg.norm(np.array(motion["approach"][-1][:3]) - then[:3])
                 if left > motion["guard_near_m"]:
                     return "collision_on_approach"
                 # Back the way it came until hardly anything presses when the hand stands.
                 t = step * dt
-                last = max(t - RELIEF_S, 0.0)
-                while t > last and felt() > RELIEF_SHARE * motion["guard_n"]:
+                last = max(t - executor["relief_time"], 0.0)
+                while t > last and felt() > executor["relief_share"] * motion["guard_n"]:
                     for _ in range(every):
-                        now, then = then, way.at(t - BACK_OFF * dt)
-                        t -= BACK_OFF * dt
+                        now, then = then, way.at(t - executor["back_off_speed"] * dt)
+                        t -= executor["back_off_speed"] * dt
                         self.step(now, then)
                     for _ in range(every):
                         self.step(then, then)
@@ -169,9 +169,9 @@ class Bench:
 
         # The fingers close until they stand still and press.
         self.force = motion["force_n"]
-        self.model.actuator_forcerange[:] = [-3 * self.force, 3 * self.force]
+        self.model.actuator_forcerange[:] = [-margin * self.force, margin * self.force]
         widths, pinched = [], 0
-        for step in range(round(3.0 / dt)):
+        for step in range(round(executor["grip_timeout"] / dt)):
             self.step(at, at)
             if step % every == 0:
                 _, fingers, _ = self.forces()
@@ -179,10 +179,10 @@ class Bench:
                 widths.append(self.data.qpos[self.finger_q].sum())
                 pushes = self.stiffness * (self.data.qpos[self.finger_q].mean() - self.target)
                 window = 24
-                still = len(widths) > window + 1 and abs(widths[-1] - widths[-1 - window]) < STILL_M
-                if still and (pushes > PRESSED_SHARE * self.force or len(widths) > 10 * window):
+                still = len(widths) > window + 1 and abs(widths[-1] - widths[-1 - window]) < executor["still_motion"]
+                if still and (pushes > executor["pressed_share"] * self.force or len(widths) > 10 * window):
                     break
-        if pinched < 6:
+        if pinched < round(success["pinch_s"] / PERIOD_S):
             return "missed"
 
         held_at, width = self.hand_from_object(), widths[-1]
@@ -194,7 +194,7 @@ class Bench:
                 self.step(now, then)
                 if step % every:
                     continue
-                if abs(self.data.qpos[self.finger_q].sum() - width) > LOST_M:
+                if abs(self.data.qpos[self.finger_q].sum() - width) > executor["slip_limit"]:
                     return "slipped_on_lift" if phase is lift else "lost_in_shake"
                 _, fingers, touched = self.forces()
                 place, turn = self.hand_from_object()
@@ -204,19 +204,20 @@ class Bench:
                 turned = max(turned, math.degrees(np.linalg.norm(gap)))
                 free = not touched and self.is_pinched(fingers)
                 clear = clear + 1 if free else 0
-                lifted |= not touched and self.lowest() - start_lowest >= LIFT_M
+                lifted |= not touched and self.lowest() - start_lowest >= success["lift_m"]
         if not lifted:
             return "slipped_on_lift"
-        if clear < HOLD_S / PERIOD_S:
+        if clear < round(success["hold_s"] / PERIOD_S):
             return "lost_in_shake"
-        if slip > SLIP_M or turned > SLIP_DEG:
+        if slip > success["slip_m"] or turned > success["slip_deg"]:
             return "slipped_in_hand"
         return "held"
 
-    @staticmethod
-    def is_pinched(fingers):
+    def is_pinched(self, fingers):
+        success = self.settings["success"]
         a, b = (np.linalg.norm(force) for force in fingers)
-        return a >= PINCH_N and b >= PINCH_N and fingers[0] @ fingers[1] <= OPPOSING * a * b
+        least = success["finger_force_n"]
+        return a >= least and b >= least and fingers[0] @ fingers[1] <= success["opposing_dot"] * a * b
 
 
 class Follow:
@@ -246,10 +247,11 @@ class Follow:
 
 
 def one(job):
-    folder, line, nudge = job
-    bench = one.benches.setdefault(line["object"], None) or Bench(folder / "mjcf" / f"{line['object']}.xml")
-    one.benches[line["object"]] = bench
-    return bench.try_grasp(line["motion"], nudge)
+    folder, settings, line, nudge = job
+    name = line["object"]
+    if name not in one.benches:
+        one.benches[name] = Bench(folder / "mjcf" / f"{name}.xml", settings)
+    return one.benches[name].try_grasp(line["motion"], nudge)
 
 
 one.benches = {}
@@ -272,7 +274,11 @@ def main():
     parser.add_argument("--least", type=float, metavar="SHARE", help="fail where fewer agree")
     parser.add_argument("--out", type=Path, help="write both outcomes of each grasp, JSON lines")
     args = parser.parse_args()
-    lines = [json.loads(line) for line in (args.sweep / "grasps.jsonl").read_text().splitlines()]
+    try:
+        settings = json.loads((args.sweep / "sweep.json").read_text())["settings"]
+        lines = [json.loads(line) for line in (args.sweep / "grasps.jsonl").read_text().splitlines()]
+    except OSError as error:
+        sys.exit(f"{error}; give the folder of a sweep that was made with --motions")
     lines = [line for line in lines if line.get("motion")]
     if not lines:
         sys.exit(f"{args.sweep}: its grasps have no motions; make the sweep with --motions")
@@ -283,7 +289,7 @@ def main():
         lines = [of[i * len(of) // args.limit] for of in by_object.values() for i in range(min(args.limit, len(of)))]
     nudge = (1e-3 * args.nudge, 0.0, 0.0)
     with multiprocessing.Pool(args.jobs) as pool:
-        theirs = pool.map(one, [(args.sweep, line, nudge) for line in lines], chunksize=4)
+        theirs = pool.map(one, [(args.sweep, settings, line, nudge) for line in lines], chunksize=4)
     if args.out:
         rows = [
             json.dumps({k: line[k] for k in ("object", "seed", "case")} | {"ours": line["outcome"], "mujoco": other})

@@ -19,8 +19,7 @@ pub struct SuccessCriteria {
     /// Whether fingers must also oppose each other as friction demands: forces within its cone balance only where the normals are at
     /// most twice its angle off a line, with the true friction of pads and item. Default no.
     pub friction_cone: bool,
-    /// Whether an item is clear, and in the bin, only while no link of the robot touches it but the fingers that hold it. Default no:
-    /// the palm may.
+    /// Whether an item is lifted clear and held only while no link of the robot touches it but the fingers. Default no: the palm may.
     pub fingers_alone: bool,
     /// How long they must press before the lift begins, seconds; 0 to 1. Default 0.025: six steps of physics.
     pub pinch_s: f64,

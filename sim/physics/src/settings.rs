@@ -160,7 +160,8 @@ pub enum PadModel {
     /// At the corners of what it touches, whatever force its friction already bears; a point does not resist twisting.
     #[default]
     Corners,
-    /// Evenly over what it touches, as rubber does: what friction bears is lost to twisting.
+    /// Evenly over what it touches, as rubber does: what friction bears is lost to twisting. With it come what else is told exactly: the
+    /// hand's force sensor reads the solver, and rolling resistance takes the inertia about the axis of the spin.
     Even,
 }
 
