@@ -13,6 +13,8 @@ use nalgebra::Point3;
 
 /// Depth smears the bin's edges by about this much, metres.
 const SMEAR_M: f64 = 0.01;
+/// Nothing is put down nearer than this to the table's edge, metres.
+const RIM_M: f64 = 0.05;
 /// What may stick out of the bin: its inside ends so far above what it stands on, metres.
 const BIN_SPACE_M: f64 = 0.35;
 
@@ -46,6 +48,13 @@ impl Cell {
             start_configuration(&scene, &robot, &config, &scene.robot.look_at.into(), scene.robot.torso)
                 .with_context(|| format!("{}: [robot]", scene_file.display()))?;
         Ok(Self { scene, robot, config, start, folder: folder.to_path_buf() })
+    }
+
+    /// Moves the robot to where it stands in a run with `seed`; its head looks at the same point.
+    pub(crate) fn draw(&mut self, seed: u64) {
+        self.scene.robot.draw(seed);
+        let target = self.scene.world_from_base().inverse().transform_point(&self.scene.robot.look_at.into());
+        self.start = self.config.look_at(&self.robot, &self.start, &target);
     }
 
     /// The start configuration with the torso `torso` metres above its lower stop, the head looking at a point of the world.
@@ -86,6 +95,15 @@ impl Cell {
         }
         let ([x0, y0], [x1, y1]) = best;
         Workspace { min: [x0, y0, table.height - 0.02], max: [x1, y1, table.height + 0.4] }
+    }
+
+    /// The table where objects may lie, as a bin without walls, but for its rim.
+    pub(crate) fn free_table(&self) -> BinGeometry {
+        let Workspace { min, max } = self.workspace();
+        let center = [0, 1].map(|axis| 0.5 * (min[axis] + max[axis]));
+        let inner = [0, 1].map(|axis| (max[axis] - min[axis] - 2.0 * RIM_M).max(RIM_M));
+        let pose = Pose::from_xyz_rpy([center[0], center[1], self.scene.table.height], [0.0; 3]);
+        BinGeometry::new(pose, inner, 0.0)
     }
 
     /// The inside of the bin and what may stick out of it.

@@ -75,9 +75,10 @@ class Bench:
         mujoco.mj_step(model, data)
 
     def forces(self):
-        """Net force on the hand; of each finger on the object; whether the object touches anything but the hand."""
+        """Net force on the hand; of each finger on the object; whether the object touches anything but what may carry it."""
         model, data = self.model, self.data
         on_hand, fingers, touched = np.zeros(3), [np.zeros(3), np.zeros(3)], False
+        may_carry = self.finger_body if self.settings["success"]["fingers_alone"] else [*self.finger_body, self.hand_body]
         ours = {self.hand_body, *self.finger_body}
         wrench = np.zeros(6)
         for i in range(data.ncon):
@@ -95,8 +96,8 @@ class Bench:
                 if me == self.object_body:
                     if other in self.finger_body:
                         fingers[self.finger_body.index(other)] += sign * normal_on_second
-                    elif other != self.hand_body:
-                        touched = True
+                        self.friction = contact.friction[0]
+                    touched |= other not in may_carry
         return on_hand, fingers, touched
 
     def palm_hits(self):
@@ -217,7 +218,12 @@ class Bench:
         success = self.settings["success"]
         a, b = (np.linalg.norm(force) for force in fingers)
         least = success["finger_force_n"]
-        return a >= least and b >= least and fingers[0] @ fingers[1] <= success["opposing_dot"] * a * b
+        if a < least or b < least:
+            return False
+        opposing = success["opposing_dot"]
+        if success["friction_cone"]:
+            opposing = min(opposing, -math.cos(2 * math.atan(self.friction)))
+        return fingers[0] @ fingers[1] <= opposing * a * b
 
 
 class Follow:

@@ -25,6 +25,12 @@ impl BinGeometry {
     pub fn new(world_from_bin: Pose<World, World>, inner: [f64; 2], wall_height: f64) -> Self {
         Self { world_from_bin, inner, wall_height }
     }
+
+    /// Whether a point of the world, seen from above, is over the bin's inside or nearer than this to it, metres.
+    pub fn is_near(&self, point: &Point3<f64>, metres: f64) -> bool {
+        let inside = self.world_from_bin.iso().inverse_transform_point(point);
+        (0..2).all(|axis| inside[axis].abs() < 0.5 * self.inner[axis] + metres)
+    }
 }
 
 /// An object as estimated.
@@ -121,6 +127,11 @@ impl BeliefScene {
         let tops = self.fixtures.iter().filter_map(|fixture| level_top(fixture, center));
         tops.filter(|top| *top > self.table_height + HIGHER && *top < center.z)
             .fold(self.table_height, f64::max)
+    }
+
+    /// Whether something with its centre at `center` would come down on the table or on another level box.
+    pub fn is_over_table(&self, center: &Point3<f64>) -> bool {
+        self.fixtures.iter().any(|fixture| level_top(fixture, center).is_some())
     }
 
     /// What makes this belief unusable, if anything: a number that is not finite or an extent that is not positive.

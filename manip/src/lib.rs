@@ -54,7 +54,7 @@
 //! | [`surface`], [`grasp`] | grasps of an object, their ranking in a scene and over a posterior, grasps as files |
 //! | [`stable`], [`place`] | how an object can stand, and where to put it in the bin |
 //! | [`settings`], [`planner`], [`plan`] | the planner, its settings, and its plans as data |
-//! | [`order`], [`pick`] | which object first, a whole pick and place, tests of single grasps |
+//! | [`order`], [`pick`] | which object first, a whole pick and place, pushes, tests of single grasps |
 //! | [`executor`] | carries plans out through a robot port |
 //! | [`benchmark`] | motion planning problems of others, and how they are solved |
 

@@ -51,17 +51,19 @@ pub enum StepName {
     Home,
     /// Fast from side to side with the object, to see whether it holds.
     Shake,
+    /// Straight and guarded along the table, with closed fingers, against an object.
+    Push,
 }
 
 /// When a guarded motion stops.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Guard {
     /// Contact force above which it stops, newtons.
     pub force_n: f64,
     /// It counts as arrived when it stops with less than this left to go, metres.
     pub near: f64,
-    /// Length of the whole motion, metres.
-    pub length: f64,
+    /// What the gripper has left to go at each point of the trajectory, metres.
+    pub left: Vec<f64>,
 }
 
 /// What a step does.

@@ -17,10 +17,10 @@ use crate::collision::{
 use crate::grasp::{Grasp, GraspCache, GraspSetError, ObjectGrasps, grip_force, read_poses};
 use crate::motion::{
     CartesianPath, IkSolver, JointSpace, MotionLimits, SearchStatus, SegmentCheck, SmoothPath, Trajectory,
-    Validity, glide, rrt_connect, shortcut, time_path, translate,
+    Validity, glide, rrt_connect, shortcut, translate,
 };
 use crate::order::pick_order;
-use crate::plan::{PlanCounters, PlanFailure, PlanStage};
+use crate::plan::{Action, Guard, PlanCounters, PlanFailure, PlanStage};
 use crate::settings::PlannerSettings;
 
 /// Plans motions, picks and places of one robot. Immutable but for a cache of grasps, and shared between threads.
@@ -125,7 +125,7 @@ impl Planner {
             return None;
         }
         let path = SmoothPath::round(&[from.clone(), to], self.settings.speed.corner, &[], |_, _, _| true);
-        Some(time_path(&head, &from, &path, &self.limits_of(&head), self.settings.speed.dt))
+        Some(self.settings.speed.time(&head, &from, &path, &self.limits_of(&head)))
     }
 
     /// The grasps of `model`, made on first use.
@@ -246,7 +246,7 @@ impl Planner {
                 let rounded = SmoothPath::round(&points, self.settings.speed.corner, &[], |corner, a, b| {
                     corner + 1 < escaped || segments.motion_free(a, b)
                 });
-                Ok(time_path(self.solver.joints(), &points[0], &rounded, &limits, self.settings.speed.dt))
+                Ok(self.settings.speed.time(self.solver.joints(), &points[0], &rounded, &limits))
             }
             SearchStatus::InvalidStart => {
                 Err((PlanStage::StartInCollision, self.explain(checker, &q, &query, "the start")))
@@ -373,6 +373,25 @@ impl Planner {
             .scaled(speed.velocity_share, speed.acceleration_share)
     }
 
+    /// A straight motion at up to `speed` m/s, which stops on contact if it is guarded.
+    pub(crate) fn straight(&self, path: &CartesianPath, speed: f64, guarded: bool, holding: bool) -> Action {
+        let trajectory = self.time_straight(path, speed, holding);
+        let guard = guarded.then(|| {
+            let mut q = path.end().to_vec();
+            let mut at = |arm: &[f64]| {
+                trajectory.joints.iter().zip(arm).for_each(|(&joint, value)| q[joint] = *value);
+                self.robot.model.fk_link(&q, self.config.gripper.link).translation.vector
+            };
+            let end = at(trajectory.last());
+            Guard {
+                force_n: self.settings.guard_force,
+                near: self.settings.guard_near,
+                left: trajectory.points.iter().map(|point| (end - at(&point.q)).norm()).collect(),
+            }
+        });
+        Action::Move { trajectory, guard, holding }
+    }
+
     /// Times a straight motion so that the gripper keeps below `speed` m/s.
     pub(crate) fn time_straight(&self, path: &CartesianPath, speed: f64, holding: bool) -> Trajectory {
         let last = path.waypoints.len() - 1;
@@ -390,6 +409,6 @@ impl Planner {
         let share = if holding { self.settings.speed.holding_share } else { 1.0 };
         let limits = self.limits().scaled(share, share);
         let rounded = SmoothPath::round(&points, STRAIGHT_CORNER, &rates, |_, _, _| true);
-        time_path(self.solver.joints(), &points[0], &rounded, &limits, self.settings.speed.dt)
+        self.settings.speed.time(self.solver.joints(), &points[0], &rounded, &limits)
     }
 }

@@ -5,8 +5,9 @@ use serde::{Deserialize, Deserializer, Serialize};
 
 use crate::collision::{Margins, UnmodelledSettings};
 use crate::grasp::{GraspSettings, GripForceSettings};
-use crate::motion::RrtSettings;
+use crate::motion::{MotionLimits, RrtSettings, SmoothPath, Trajectory, time_path};
 use crate::order::OrderSettings;
+use crate::pick::PushSettings;
 use crate::place::PlaceSettings;
 use crate::ranges::Ranges;
 
@@ -69,6 +70,8 @@ pub struct PlannerSettings {
     pub grip_force: GripForceSettings,
     /// Choice of places.
     pub place: PlaceSettings,
+    /// Pushing what is too crowded to be picked.
+    pub push: PushSettings,
     /// Which object to pick first.
     pub order: OrderSettings,
     /// Obstacles of the depth image.
@@ -106,6 +109,7 @@ impl Default for PlannerSettings {
             grasp: GraspSettings::default(),
             grip_force: GripForceSettings::default(),
             place: PlaceSettings::default(),
+            push: PushSettings::default(),
             order: OrderSettings::default(),
             unmodelled: UnmodelledSettings::default(),
             grasp_test: GraspTestSettings::default(),
@@ -143,6 +147,7 @@ impl PlannerSettings {
             .part("grasp", self.grasp.validate())
             .part("grip_force", self.grip_force.validate())
             .part("place", self.place.validate())
+            .part("push", self.push.validate())
             .part("order", self.order.validate())
             .part("unmodelled", self.unmodelled.validate())
             .part("grasp_test", self.grasp_test.validate())
@@ -231,6 +236,22 @@ pub struct SpeedSettings {
     pub corner: f64,
     /// Time between trajectory points, seconds, 0.0001 to 0.1. Default 1/240, the control period.
     pub dt: f64,
+    /// Accelerations build up over this time, seconds, 0 to 0.5. Default 0.05: the jerk of a joint is at most twice its acceleration by
+    /// that, as for a controller that is not shaken; motions last as much longer.
+    pub ramp_s: f64,
+}
+
+impl SpeedSettings {
+    /// Times `path` from rest to rest, see [`time_path`] and [`Trajectory::ramped`].
+    pub(crate) fn time(
+        &self,
+        joints: &[usize],
+        start: &[f64],
+        path: &SmoothPath,
+        limits: &MotionLimits,
+    ) -> Trajectory {
+        time_path(joints, start, path, limits, self.dt).ramped(self.ramp_s)
+    }
 }
 
 impl Default for SpeedSettings {
@@ -243,6 +264,7 @@ impl Default for SpeedSettings {
             straight: 0.25,
             corner: 0.15,
             dt: 1.0 / 240.0,
+            ramp_s: 0.05,
         }
     }
 }
@@ -261,6 +283,7 @@ impl SpeedSettings {
             .number("straight", self.straight, 0.001..=2.0, "m/s")
             .number("corner", self.corner, 0.0..=2.0, "norm of joint values")
             .number("dt", self.dt, 0.0001..=0.1, "seconds")
+            .number("ramp_s", self.ramp_s, 0.0..=0.5, "seconds")
             .result()
     }
 }

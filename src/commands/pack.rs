@@ -168,7 +168,7 @@ fn clauses(result: &TrialResult, bound: &SuccessCriteria) -> String {
             ),
             format!(
                 "largest blow {:.2} N s (harmless: {:.2} N s{})",
-                item.peak_impulse_n_s,
+                m.packed_impulse_n_s,
                 item.harmless_impulse_n_s,
                 if bound.unharmed { "" } else { ", not asked for" }
             ),

@@ -18,7 +18,7 @@ pub fn fill(
     world: &World,
     (records, bodies): (&[ItemRecord], &Bodies),
     items: &[ItemResult],
-    drift_m: f64,
+    (pushes, drift_m): (u32, f64),
 ) -> ScoreCard {
     let inside: Vec<usize> = (0..items.len()).filter(|&i| items[i].clauses.in_bin).collect();
     let bodies_inside: Vec<usize> = inside.iter().map(|&i| bodies.of(i)).collect();
@@ -34,6 +34,8 @@ pub fn fill(
         .filter(|i| unnoticed(i) && matches!(i.outcome, Outcome::SlippedOnLift | Outcome::DroppedInTransit));
     ScoreCard {
         attempts: sum(|l| l.attempts),
+        put_aside: sum(|l| l.put_aside),
+        pushes,
         lost_in_transit: records.iter().map(by_robot).sum::<u32>() + silent.count() as u32,
         wrong_objects: sum(|l| l.wrong_objects),
         disturbed: sum(|l| l.disturbed[0]),

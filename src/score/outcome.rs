@@ -97,7 +97,7 @@ pub struct Clauses {
     pub upright: bool,
     /// Let go near where it came to rest, and slow then, as far as the criteria ask for it.
     pub set_down: bool,
-    /// Took no blow that does it harm, in the whole trial, as far as the criteria ask for it.
+    /// Took no blow that does it harm from the attempt that packed it on, as far as the criteria ask for it.
     pub unharmed: bool,
     /// No other item left the table or the bin while this one was handled, in any attempt.
     pub nothing_knocked_out: bool,
@@ -163,6 +163,9 @@ pub struct Measures {
     pub release_m: f64,
     /// Its largest speed after the fingers had left it, m/s.
     pub landing_m_s: f64,
+    /// The largest blow that it took from the attempt that packed it on, newton seconds.
+    #[serde(default)]
+    pub packed_impulse_n_s: f64,
     /// Other items that left the table or the bin during its attempts.
     pub knocked_out: u32,
 }
@@ -191,7 +194,8 @@ pub struct ItemResult {
     pub slip_m: Option<f64>,
     /// Largest normal force by any one body on the object during its attempts, newtons.
     pub peak_force_n: f64,
-    /// Largest normal impulse within 21 ms on the object by everything but the fingers, in the whole trial, newton seconds.
+    /// Largest blow on the object by everything but the fingers in the whole trial, newton seconds: normal impulse within 21 ms beyond
+    /// that of the 21 ms before.
     pub peak_impulse_n_s: f64,
     /// What it takes unharmed: its momentum after the fall that its fragility allows, newton seconds.
     pub harmless_impulse_n_s: f64,
@@ -254,6 +258,10 @@ pub struct FailedAttempt {
 pub struct ScoreCard {
     /// Attempts at all items.
     pub attempts: u32,
+    /// Items put aside on the table because they could not be packed as they lay.
+    pub put_aside: u32,
+    /// Pushes where nothing could be picked.
+    pub pushes: u32,
     /// Attempts that lost the item between the lift and the release.
     pub lost_in_transit: u32,
     /// Attempts in which the fingers closed on another object.

@@ -14,6 +14,8 @@ use crate::settings::SuccessCriteria;
 #[derive(Debug, Clone, Default)]
 pub struct ItemRecord {
     pub attempts: u32,
+    /// How often it was put aside on the table.
+    pub put_aside: u32,
     /// The executor says that it lies in the bin, and where.
     pub believed_packed: Option<Pose<WorldFrame, Object>>,
     pub failure: Option<(Outcome, Stage, String)>,
@@ -124,7 +126,7 @@ pub fn finish(
             record.clauses.set_down = record.measures.release_m <= criteria.release_m
                 && record.measures.landing_m_s <= criteria.landing_m_s;
             record.clauses.unharmed =
-                !criteria.unharmed || record.peak_impulse_n_s <= info.harmless_impulse_n_s();
+                !criteria.unharmed || record.measures.packed_impulse_n_s <= info.harmless_impulse_n_s();
             record.clauses.nothing_knocked_out = !record.knocked_others;
             record.measures.below_edge_m = below_edge_m(world, scene, body);
             record.measures.speed_m_s = world.speed(body);
@@ -198,7 +200,7 @@ fn verdict(record: &ItemRecord, criteria: &SuccessCriteria) -> (Outcome, Stage, 
         let reason = format!("let fall by {:.0} mm, at up to {landing_m_s:.2} m/s", 1e3 * release_m);
         failed(Outcome::Dropped, Stage::Place, &reason)
     } else if !c.unharmed {
-        let reason = format!("took a blow of {:.2} N s", record.peak_impulse_n_s);
+        let reason = format!("took a blow of {:.2} N s", record.measures.packed_impulse_n_s);
         failed(Outcome::Harmed, Stage::Done, &reason)
     } else if !c.nothing_knocked_out {
         failed(Outcome::Disturbed, Stage::Done, "another item was knocked off the table or out of the bin")

@@ -16,10 +16,11 @@ pub struct SuccessCriteria {
     /// Fingers oppose each other when the dot product of their unit forces is at most this; -1 to 0. Default -0.3: forces
     /// 107 degrees apart or more.
     pub opposing_dot: f64,
-    /// Whether fingers must also oppose each other as friction demands: forces within its cone balance only where the normals are at
-    /// most twice its angle off a line, with the true friction of pads and item. Default no.
+    /// Whether fingers must also oppose each other as friction demands (antipodal, Nguyen 1988): forces within its cone balance only where
+    /// the normals are at most twice its angle off a line, with the true friction of pads and item. Default yes.
     pub friction_cone: bool,
-    /// Whether an item is lifted clear and held only while no link of the robot touches it but the fingers. Default no: the palm may.
+    /// Whether an item is lifted clear and held only while no link of the robot touches it but the fingers. Default yes: what the palm
+    /// carries is not held.
     pub fingers_alone: bool,
     /// How long they must press before the lift begins, seconds; 0 to 1. Default 0.025: six steps of physics.
     pub pinch_s: f64,
@@ -34,15 +35,15 @@ pub struct SuccessCriteria {
     pub slip_deg: f64,
     /// Slower than this it is at rest, m/s; 0 to 1. Default 0.01.
     pub at_rest_m_s: f64,
-    /// It is at rest when no point of it moves farther than this in the trial's last second (`trial.drift_s`), metres; 0 to 1. Default 1:
-    /// its speed alone counts.
+    /// It is at rest when no point of it moves farther than this in the trial's last second (`trial.drift_s`), metres; 0 to 1. Default
+    /// 0.002: what solids of many pieces tremble in the solver's hands stays well below, what rolls or tips does not.
     pub rest_m: f64,
-    /// How far it may fall when it is let go, metres; 0 to 1. Default 1: any.
+    /// How far it may fall when it is let go, metres; 0 to 1. Default 0.05: a person who packs sets down and does not drop.
     pub release_m: f64,
-    /// How fast it may be when it has been let go, m/s; 0 to 10. Default 10: any.
+    /// How fast it may be when it has been let go, m/s; 0 to 10. Default 1: after a fall of 5 cm.
     pub landing_m_s: f64,
-    /// Whether an item that took a larger blow than does it no harm (`scenes/objects.toml`, fragility) is not packed. Default no: the
-    /// score card counts it.
+    /// Whether an item that took a larger blow than does it no harm (`scenes/objects.toml`, fragility) from the attempt that packed it on is
+    /// not packed. Default yes. (What befell it on the table before, the score card counts.)
     pub unharmed: bool,
     /// An item that must stand may lean this far, degrees; 0 to 90. Default 30.
     pub tilt_deg: f64,
@@ -55,18 +56,18 @@ impl Default for SuccessCriteria {
         Self {
             finger_force_n: 1.0,
             opposing_dot: -0.3,
-            friction_cone: false,
-            fingers_alone: false,
+            friction_cone: true,
+            fingers_alone: true,
             pinch_s: 0.025,
             lift_m: 0.03,
             hold_s: 0.1,
             slip_m: 0.020,
             slip_deg: 20.0,
             at_rest_m_s: 0.01,
-            rest_m: 1.0,
-            release_m: 1.0,
-            landing_m_s: 10.0,
-            unharmed: false,
+            rest_m: 0.002,
+            release_m: 0.05,
+            landing_m_s: 1.0,
+            unharmed: true,
             tilt_deg: 30.0,
             fallen_m: 0.05,
         }

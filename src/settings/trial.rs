@@ -12,6 +12,10 @@ pub struct TrialSettings {
     pub max_attempts: u32,
     /// Looks in a row after which nothing could be planned end the trial; 1 to 100. Default 2.
     pub max_fruitless_looks: u32,
+    /// How often an item is put aside on the table in a trial, because it cannot be packed as it lies without a risk; 0 to 100. Default 1.
+    pub max_put_aside: u32,
+    /// How often the robot pushes what is in a trial, where nothing can be picked; 0 to 100. Default 3.
+    pub max_pushes: u32,
     /// When an item may lie in a second way, with at least this share of the belief, the robot looks from elsewhere before it
     /// plans; 0 to 0.5. Default 0: never.
     pub second_look_mass: f64,
@@ -31,6 +35,8 @@ impl Default for TrialSettings {
         Self {
             max_attempts: 3,
             max_fruitless_looks: 2,
+            max_put_aside: 1,
+            max_pushes: 3,
             second_look_mass: 0.0,
             second_look_torso_m: 0.1,
             calm_s: 2.0,
@@ -46,6 +52,8 @@ impl TrialSettings {
     pub fn validate(&self) -> std::result::Result<(), String> {
         within("max_attempts", f64::from(self.max_attempts), 1.0, 100.0)?;
         within("max_fruitless_looks", f64::from(self.max_fruitless_looks), 1.0, 100.0)?;
+        within("max_put_aside", f64::from(self.max_put_aside), 0.0, 100.0)?;
+        within("max_pushes", f64::from(self.max_pushes), 0.0, 100.0)?;
         within("second_look_mass", self.second_look_mass, 0.0, 0.5)?;
         within("second_look_torso_m", self.second_look_torso_m, 0.0, 1.0)?;
         within("calm_s", self.calm_s, 0.0, 60.0)?;

@@ -14,7 +14,7 @@ use grip_sim::camera::Intrinsics;
 use grip_sim::condition::{Condition, ConditionSpec};
 use grip_sim::frame::CameraFrame;
 use grip_sim::objects::{ObjectLibrary, ObjectModel, resolve_set};
-use grip_sim::render::{Renderer, Rendering};
+use grip_sim::render::{Lighting, Renderer, Rendering};
 use grip_sim::rng;
 use rayon::prelude::*;
 
@@ -90,7 +90,7 @@ impl Setup {
     /// When a file is missing or wrong; names file, field, value and what to try.
     pub fn load(options: &SetupOptions) -> Result<Self> {
         let mut setup = Self::open(options)?;
-        setup.draw_objects();
+        setup.draw();
         Ok(setup)
     }
 
@@ -138,12 +138,13 @@ impl Setup {
             camera: self.camera.with_seed(&self.cell.scene, seed),
             ..self.clone()
         };
-        setup.draw_objects();
+        setup.draw();
         setup
     }
 
-    /// Chooses the run's objects from the scene's.
-    fn draw_objects(&mut self) {
+    /// Chooses the run's objects from the scene's, and where the robot stands.
+    fn draw(&mut self) {
+        self.cell.draw(self.seed);
         let objects = &mut self.cell.scene.objects;
         let drawn = objects.draw(self.seed);
         self.models = drawn.iter().map(|&i| self.models[i].clone()).collect();
@@ -204,6 +205,18 @@ impl Setup {
     ) -> Result<(CameraFrame, Rendering)> {
         let world_from_camera = self.cell.world_from_camera(world.joints());
         self.camera.capture(world, &world_from_camera, &self.condition, renderer, shot)
+    }
+
+    /// The same, by one who looks at depth alone: what is black in it costs no light.
+    pub(crate) fn capture_depth(
+        &self,
+        world: &World,
+        renderer: &mut dyn Renderer,
+        shot: usize,
+    ) -> Result<CameraFrame> {
+        let world_from_camera = self.cell.world_from_camera(world.joints());
+        let dark = Condition { lighting: Lighting::default(), ..self.condition.clone() };
+        Ok(self.camera.capture(world, &world_from_camera, &dark, renderer, shot)?.0)
     }
 
     /// The name of object `i`; of a further one of its kind with a number behind it.

@@ -28,8 +28,12 @@ const SHOWN: u16 = 10;
 const STRIP_SIZE: [usize; 2] = [400, 300];
 const REPLAY_SIZE: [usize; 2] = [320, 240];
 /// Pictures of an attempt: at its beginning, and after these steps.
-const MOMENTS: [(StepName, &str); 3] =
-    [(StepName::Close, "grasp"), (StepName::Lift, "lift"), (StepName::Retreat, "place")];
+const MOMENTS: [(StepName, &str); 4] = [
+    (StepName::Close, "grasp"),
+    (StepName::Lift, "lift"),
+    (StepName::Push, "push"),
+    (StepName::Retreat, "place"),
+];
 
 /// What an attempt looked like.
 #[derive(Debug)]

@@ -98,7 +98,14 @@ impl Trial<'_> {
             self.cameras.len() + 1,
             self.items
         ));
-        let (frame, _) = self.setup.capture(&self.world, self.renderer, self.cameras.len())?;
+        let (setup, shot) = (self.setup, self.cameras.len());
+        // By true poses only depth is looked at, for what else is in the way; a picture is most of such a trial's work.
+        let colour = !matches!(self.estimator, Estimator::Truth)
+            || matches!(self.options.pictures, Pictures::All { .. });
+        let frame = match colour {
+            true => setup.capture(&self.world, self.renderer, shot)?.0,
+            false => setup.capture_depth(&self.world, self.renderer, shot)?,
+        };
         self.cameras.push(frame.world_from_camera);
         let in_bin = |record: &ItemRecord| record.believed_packed.is_some();
         let (inside, asked): (Vec<usize>, Vec<usize>) =

@@ -25,8 +25,8 @@ use std::path::PathBuf;
 use std::time::Instant;
 
 use anyhow::{Context, Result, ensure};
-use grip_manip::executor::{ExecutionReport, execute, execute_motion, release_in_place};
-use grip_manip::{PickPlacePlan, PlanStage, Planner, Risk};
+use grip_manip::executor::{ExecutionReport, execute, execute_motion, execute_steps, release_in_place};
+use grip_manip::{PickPlacePlan, PlanStage, PlanStep, Planner, Risk};
 use grip_physics::World;
 use grip_sim::images::RgbImage;
 use grip_sim::pose::{Camera, Object, Pose, World as WorldFrame};
@@ -118,6 +118,8 @@ pub struct Trial<'a> {
     looks: Vec<LookPictures>,
     /// What was handled last, and where everything was when it had come to rest afterwards.
     handled: Option<(usize, Vec<Location>)>,
+    /// How often something was pushed.
+    pushes: u32,
 }
 
 /// What is to be done next.
@@ -126,6 +128,8 @@ pub struct Choice {
     pub object: usize,
     /// How.
     pub plan: PickPlacePlan,
+    /// Whether it goes to another place on the table only.
+    pub aside: bool,
 }
 
 /// An attempt at an object that has been made.
@@ -154,20 +158,31 @@ pub fn run(
     while trial.is_open() && fruitless < setup.settings.trial.max_fruitless_looks {
         let seen = trial.look()?;
         let belief = trial.believe(&seen);
-        let choice = trial.choose(&belief, &seen);
+        // Before a risk is taken, what is too crowded is pushed apart.
+        let careful = trial.choose(&belief, &seen, Risk::Averse);
+        let push = if careful.is_none() { trial.plan_push(&belief) } else { None };
+        let choice = match &push {
+            Some(_) => None,
+            None => careful.or_else(|| trial.choose(&belief, &seen, Risk::Tolerant)),
+        };
         trial.picture(
             &seen,
-            match &choice {
-                Some(choice) => format!("picks {}", trial.name(choice.object)),
-                None => "nothing can be picked".to_owned(),
+            match (&choice, &push) {
+                (Some(choice), _) if choice.aside => format!("puts {} aside", trial.name(choice.object)),
+                (Some(choice), _) => format!("picks {}", trial.name(choice.object)),
+                (None, Some((object, _))) => format!("pushes {}", trial.name(*object)),
+                (None, None) => "nothing can be picked".to_owned(),
             },
         )?;
-        let Some(choice) = choice else {
-            fruitless += 1;
-            continue;
+        let attempt = match (choice, push) {
+            (Some(choice), _) => trial.act(&seen, belief, &choice),
+            (None, Some((object, steps))) => trial.push(belief, object, &steps),
+            (None, None) => {
+                fruitless += 1;
+                continue;
+            }
         };
         fruitless = 0;
-        let attempt = trial.act(&seen, belief, &choice);
         trial.settle(&attempt);
     }
     trial.finish()
@@ -218,6 +233,7 @@ impl<'a> Trial<'a> {
             joints: JointLog::default(),
             looks: Vec::new(),
             handled: None,
+            pushes: 0,
         })
     }
 
@@ -248,8 +264,9 @@ impl<'a> Trial<'a> {
     }
 
     /// Plans for the first open object that can be packed, first what can be picked without a risk in each tier of the
-    /// picking order. What is passed over is told why.
-    pub fn choose(&mut self, belief: &Belief, seen: &Seen) -> Option<Choice> {
+    /// picking order; with [`Risk::Averse`] that alone, of what nothing lies on, and what cannot be packed as it lies is put aside. What
+    /// is passed over is told why.
+    pub fn choose(&mut self, belief: &Belief, seen: &Seen, risk: Risk) -> Option<Choice> {
         let open = self.open_items();
         let mut order = self.planner.pick_order(&belief.scene);
         order.iter_mut().for_each(|tier| tier.retain(|&b| open.contains(&belief.index[b])));
@@ -264,16 +281,15 @@ impl<'a> Trial<'a> {
             };
             self.records[i].pass_over(outcome, Stage::Look, reason);
         }
-        for tier in &order {
-            for risk in [Risk::Averse, Risk::Tolerant] {
-                for &b in tier {
-                    if let Some(choice) = self.plan(belief, b, risk) {
-                        return Some(choice);
-                    }
-                }
-            }
+        if risk == Risk::Averse {
+            let free = order.into_iter().find(|tier| !tier.is_empty())?;
+            let packed = free.iter().find_map(|&b| self.plan(belief, b, risk));
+            return packed.or_else(|| free.iter().find_map(|&b| self.plan_aside(belief, b)));
         }
-        None
+        order.iter().find_map(|tier| {
+            let mut plan = |risk| tier.iter().find_map(|&b| self.plan(belief, b, risk));
+            plan(Risk::Averse).or_else(|| plan(Risk::Tolerant))
+        })
     }
 
     /// A plan for object `b` of the belief, or a word in its record why there is none.
@@ -286,7 +302,7 @@ impl<'a> Trial<'a> {
         let plan = self.planner.plan_pick_place(&belief.scene, b, self.world.joints(), risk, seed);
         self.records[i].plan_s += clock.elapsed().as_secs_f64();
         match plan {
-            Ok(plan) => Some(Choice { object: i, plan }),
+            Ok(plan) => Some(Choice { object: i, plan, aside: false }),
             Err(failure) => {
                 log::debug!("{failure}: {:?}", failure.counters);
                 let outcome = match failure.stage {
@@ -302,10 +318,33 @@ impl<'a> Trial<'a> {
         }
     }
 
+    /// A plan to put object `b` of the belief elsewhere on the table, where it can be gripped anew.
+    fn plan_aside(&mut self, belief: &Belief, b: usize) -> Option<Choice> {
+        let i = belief.index[b];
+        if self.records[i].put_aside >= self.setup.settings.trial.max_put_aside {
+            return None;
+        }
+        let clock = Instant::now();
+        let seed = self.setup.stream(&format!("aside/{}/{i}", self.number()));
+        let table = self.setup.cell.free_table();
+        let plan = self.planner.plan_put_aside(&belief.scene, b, table, self.world.joints(), seed);
+        self.records[i].plan_s += clock.elapsed().as_secs_f64();
+        plan.map_err(|failure| log::debug!("aside: {failure}")).ok().map(|plan| Choice {
+            object: i,
+            plan,
+            aside: true,
+        })
+    }
+
     /// Carries the plan out with the score watching, and goes back to where the camera sees the table.
     pub fn act(&mut self, seen: &Seen, belief: Belief, choice: &Choice) -> Attempt {
         let i = choice.object;
         let name = self.name(i);
+        if choice.aside {
+            self.progress.message(&format!("look {}: putting {name} aside", self.number() + 1));
+            self.records[i].put_aside += 1;
+            return self.handle(belief, i, &choice.plan.steps);
+        }
         self.progress.message(&format!("look {}: packing {name}", self.number() + 1));
         let attempt = Attempt { object: i, locations: self.locations(), poses: self.world.poses() };
         self.world.reset_peaks();
@@ -345,6 +384,53 @@ impl<'a> Trial<'a> {
         attempt
     }
 
+    /// How to push an open object, a position in the setup's list, away from what is near it, so that the next look finds something
+    /// that can be picked; none where no push is possible, or there were enough.
+    pub fn plan_push(&self, belief: &Belief) -> Option<(usize, Vec<PlanStep>)> {
+        let setup = self.setup;
+        if self.pushes >= setup.settings.trial.max_pushes {
+            return None;
+        }
+        let open = self.open_items();
+        let mut targets = self.planner.pick_order(&belief.scene).concat();
+        targets.retain(|&b| open.contains(&belief.index[b]));
+        // Each time another one: what did not come apart by one push hardly does by the same again.
+        let first = self.pushes as usize % targets.len().max(1);
+        targets.rotate_left(first);
+        let seed = setup.stream(&format!("push/{}", self.number()));
+        targets.into_iter().find_map(|b| {
+            let plan = self.planner.plan_push(&belief.scene, b, self.world.joints(), seed);
+            plan.map_err(|failure| log::debug!("push: {failure}")).ok().map(|steps| (belief.index[b], steps))
+        })
+    }
+
+    /// Carries out a push.
+    pub fn push(&mut self, belief: Belief, object: usize, steps: &[PlanStep]) -> Attempt {
+        let name = self.name(object);
+        self.progress.message(&format!("look {}: pushing {name}", self.number() + 1));
+        self.pushes += 1;
+        self.handle(belief, object, steps)
+    }
+
+    /// Carries out steps that do not pack object `i`, and goes back to where the camera sees the table.
+    fn handle(&mut self, belief: Belief, i: usize, steps: &[PlanStep]) -> Attempt {
+        let attempt = Attempt { object: i, locations: self.locations(), poses: self.world.poses() };
+        let name = self.name(i);
+        self.world.reset_peaks();
+        self.film.begin(&self.world, &name);
+        let shared = SharedWorld::new(&mut self.world);
+        let mut observer =
+            TrialObserver { world: &shared, monitor: None, joints: &mut self.joints, film: &mut self.film };
+        let executor = &self.setup.settings.executor;
+        let report = execute_steps(&mut WorldPort::new(&shared), steps, executor, &mut observer);
+        log::debug!("{name} elsewhere: {:?}", report.outcome);
+        if report.failure().is_some() {
+            self.release();
+        }
+        self.go_home(belief.after_handling(i, None));
+        attempt
+    }
+
     /// Carries out a plan for object `i`.
     fn execute(&mut self, i: usize, plan: &PickPlacePlan) -> (ExecutionReport, Option<GraspMonitor>) {
         let settings = &self.setup.settings;
@@ -355,7 +441,7 @@ impl<'a> Trial<'a> {
         let mut observer =
             TrialObserver { world: &shared, monitor, joints: &mut self.joints, film: &mut self.film };
         let report = execute(&mut WorldPort::new(&shared), plan, &settings.executor, &mut observer);
-        log::debug!("{}: {:?}", plan.object, plan.grasp);
+        log::debug!("{}: {:?}, {:?}", plan.object, plan.grasp, plan.place);
         for step in &report.steps {
             log::debug!(
                 "{:?}: {:.2} s to {:.2} s, {:.0} N",
@@ -458,6 +544,9 @@ impl<'a> Trial<'a> {
         for (i, record) in self.records.iter_mut().enumerate() {
             let impulse = self.world.peak_impulse(self.bodies.of(i));
             record.peak_impulse_n_s = record.peak_impulse_n_s.max(impulse);
+            if record.believed_packed.is_some() {
+                record.measures.packed_impulse_n_s = record.measures.packed_impulse_n_s.max(impulse);
+            }
         }
     }
 
@@ -519,7 +608,7 @@ impl<'a> Trial<'a> {
                 &world,
                 (&records, &bodies),
                 &items,
-                drift_m,
+                (self.pushes, drift_m),
             ),
             packed,
             motion_check: self.joints.check(self.planner, &setup.cell.empty_belief()),

@@ -103,8 +103,8 @@ impl Observer for TrialObserver<'_, '_, '_> {
     }
 
     fn step_done(&mut self, report: &StepReport) {
-        let Some(monitor) = &mut self.monitor else { return };
         self.film.step_done(&self.world.borrow(), report.name);
+        let Some(monitor) = &mut self.monitor else { return };
         match report.name {
             StepName::Close => monitor.closed(&self.world.borrow()),
             // Where there is a shake, its last motion counts.

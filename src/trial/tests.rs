@@ -91,3 +91,30 @@ fn in_doubt_the_robot_looks_from_elsewhere_and_forgets_nothing() {
     let home = setup.cell.world_from_camera(trial.world.joints());
     assert!((home.translation() - first.translation()).norm() < 0.01);
 }
+
+/// A banana on a bottle on a can against a box: at first nothing of it can be gripped.
+#[test]
+fn what_is_too_crowded_is_pushed_apart_and_packed() {
+    let options = SetupOptions { seed: 6012, condition: "clutter-2".into(), ..SetupOptions::default() };
+    let packed = |max_pushes| {
+        let mut settings = crate::settings::Settings::default();
+        settings.trial.max_pushes = max_pushes;
+        let setup = Setup::load(&SetupOptions { settings: std::sync::Arc::new(settings), ..options.clone() })
+            .unwrap();
+        let (planner, mut renderer) = (setup.planner(), open(RendererChoice::Cpu).unwrap());
+        let result = super::run(
+            &setup,
+            &Estimator::Truth,
+            &planner,
+            renderer.as_mut(),
+            TrialOptions::default(),
+            &Quiet,
+        )
+        .unwrap()
+        .result;
+        (result.score.pushes, result.packed)
+    };
+    let (pushes, with) = packed(3);
+    let (none, without) = packed(0);
+    assert!(pushes >= 1 && none == 0 && with >= without + 3, "{pushes} pushes: {with}, without {without}");
+}

@@ -11,7 +11,6 @@ use crate::belief::BeliefScene;
 use crate::collision::{CollisionChecker, CollisionQuery, Margins};
 use crate::motion::{
     RrtSettings, SearchStatus, SegmentCheck, SmoothPath, Trajectory, Validity, rrt_connect, shortcut,
-    time_path,
 };
 use crate::planner::Planner;
 
@@ -176,8 +175,7 @@ impl Planner {
         let clock = Instant::now();
         let rounded =
             SmoothPath::round(&path, self.settings.speed.corner, &[], |_, a, b| segments.motion_free(a, b));
-        let trajectory =
-            time_path(self.solver.joints(), &path[0], &rounded, &self.limits(), self.settings.speed.dt);
+        let trajectory = self.settings.speed.time(self.solver.joints(), &path[0], &rounded, &self.limits());
         result.timing_ms += clock.elapsed().as_secs_f64() * 1e3;
         result.duration_s = trajectory.duration;
         Some(trajectory)

@@ -23,7 +23,7 @@ pub enum ExecStage {
 impl From<StepName> for ExecStage {
     fn from(name: StepName) -> Self {
         match name {
-            StepName::Open | StepName::ToPregrasp | StepName::Approach => Self::Approach,
+            StepName::Open | StepName::ToPregrasp | StepName::Approach | StepName::Push => Self::Approach,
             StepName::Close => Self::Grasp,
             StepName::Lift => Self::Lift,
             StepName::Carry | StepName::Shake | StepName::Home => Self::Carry,

@@ -5,7 +5,7 @@ use nalgebra::Vector3;
 use super::port::{ControlTarget, RobotPort};
 use super::report::{ExecCause, ExecOutcome, ExecutionReport, Observer, StepReport};
 use super::settings::ExecutorSettings;
-use crate::motion::{Trajectory, TrajectoryPoint};
+use crate::motion::Trajectory;
 use crate::plan::{Action, GripperCommand, Guard, PlanStep, StepName};
 
 /// Carries out `steps`, one after the other.
@@ -262,7 +262,7 @@ impl<'a, P: RobotPort, O: Observer> Run<'a, P, O> {
             self.target[j] = measured[j];
         }
         if let Some(guard) = guard {
-            let left = guard.length * (1.0 - done_share(trajectory, gone));
+            let left = left(guard, trajectory, gone);
             let enough = if self.step == StepName::Lower {
                 self.settings.early_release.max(guard.near)
             } else {
@@ -434,14 +434,7 @@ impl<'a, P: RobotPort, O: Observer> Run<'a, P, O> {
     }
 }
 
-/// Share of a trajectory's way, by joint-space length, that is done after `gone` seconds.
-fn done_share(trajectory: &Trajectory, gone: f64) -> f64 {
-    let p = &trajectory.points;
-    let step = |w: &[TrajectoryPoint]| -> f64 {
-        w[0].q.iter().zip(&w[1].q).map(|(a, b)| (b - a).powi(2)).sum::<f64>().sqrt()
-    };
-    let total: f64 = p.windows(2).map(step).sum();
-    let done_points = ((gone / trajectory.dt).floor() as usize + 1).min(p.len());
-    let done: f64 = p[..done_points].windows(2).map(step).sum();
-    if total > 0.0 { done / total } else { 1.0 }
+/// What the gripper has left to go after `gone` seconds, metres.
+fn left(guard: &Guard, trajectory: &Trajectory, gone: f64) -> f64 {
+    guard.left.get((gone / trajectory.dt).floor() as usize).copied().unwrap_or(0.0)
 }

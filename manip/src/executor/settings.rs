@@ -37,7 +37,7 @@ pub struct ExecutorSettings {
     pub miss_width: f64,
     /// Change of the width while carrying that counts as lost, metres, 0.0001 to 0.2. Default 0.010.
     pub slip_limit: f64,
-    /// A lowering motion that meets something with less than this left lets go there, metres, 0 to 1. Default 0.1: on what
+    /// A lowering motion that meets something with less than this left lets go there, metres, 0 to 1. Default 0.05: on what
     /// stands in its way in the bin, rather than to carry it about. The hand then draws back the way it came.
     pub early_release: f64,
     /// Share of the planned speed when backing off, 0.01 to 1. Default 0.5.
@@ -71,7 +71,7 @@ impl Default for ExecutorSettings {
             miss_share: 0.3,
             miss_width: 0.001,
             slip_limit: 0.010,
-            early_release: 0.1,
+            early_release: 0.05,
             back_off_speed: 0.5,
             back_off_time: 0.5,
             relief_time: 0.3,

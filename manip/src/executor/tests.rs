@@ -109,22 +109,23 @@ fn line(from: f64, to: f64, seconds: f64) -> Trajectory {
 }
 
 fn steps() -> Vec<PlanStep> {
-    let guard = Some(Guard { force_n: 20.0, near: 0.02, length: 0.1 });
-    let go = |name, from, to, guard, holding| PlanStep {
-        name,
-        action: Action::Move { trajectory: line(from, to, 1.0), guard, holding },
+    let go = |name, from, to, guarded: bool, holding| {
+        let trajectory = line(from, to, 1.0);
+        let left = trajectory.points.iter().map(|point| (to - point.q[0]).abs()).collect();
+        let guard = guarded.then_some(Guard { force_n: 20.0, near: 0.02, left });
+        PlanStep { name, action: Action::Move { trajectory, guard, holding } }
     };
     let grip = |name, command, width| PlanStep { name, action: Action::Gripper { command, width } };
     vec![
         grip(StepName::Open, GripperCommand::Open { width: 0.10 }, 0.10),
-        go(StepName::ToPregrasp, 0.0, 0.5, None, false),
-        go(StepName::Approach, 0.5, 0.6, guard, false),
+        go(StepName::ToPregrasp, 0.0, 0.5, false, false),
+        go(StepName::Approach, 0.5, 0.6, true, false),
         grip(StepName::Close, GripperCommand::Close { force_n: 30.0 }, 0.06),
-        go(StepName::Lift, 0.6, 0.4, None, true),
-        go(StepName::Carry, 0.4, -0.4, None, true),
-        go(StepName::Lower, -0.4, -0.5, guard, true),
+        go(StepName::Lift, 0.6, 0.4, false, true),
+        go(StepName::Carry, 0.4, -0.4, false, true),
+        go(StepName::Lower, -0.4, -0.5, true, true),
         grip(StepName::Release, GripperCommand::Open { width: 0.09 }, 0.09),
-        go(StepName::Retreat, -0.5, -0.4, None, false),
+        go(StepName::Retreat, -0.5, -0.4, false, false),
     ]
 }
 
@@ -202,7 +203,7 @@ fn a_protective_stop_ends_the_execution_with_its_reason() {
 #[test]
 fn what_meets_something_on_the_way_down_is_let_go_there_and_the_hand_goes_back_up() {
     let mut port = Fake::new(0.06);
-    port.floor = -0.44;
+    port.floor = -0.46;
     let report = go(&mut port);
     assert_eq!(report.failure(), None);
     let lower = &report.steps[6];
@@ -232,7 +233,7 @@ fn a_motion_that_began_beside_its_path_goes_back_to_where_it_began() {
 #[test]
 fn what_is_let_go_high_is_left_the_way_it_came_even_from_beside_the_path() {
     let mut port = Fake::new(0.06);
-    (port.q, port.floor) = (-0.35, -0.44);
+    (port.q, port.floor) = (-0.35, -0.46);
     let report = execute_steps(&mut port, &steps()[6..], &ExecutorSettings::default(), &mut ());
     assert_eq!(report.failure(), None);
     assert!(report.steps[0].stopped_early);

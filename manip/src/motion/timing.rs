@@ -73,6 +73,35 @@ impl Trajectory {
         (mix(&a.q, &b.q), mix(&a.qd, &b.qd))
     }
 
+    /// The same motion with accelerations that build up over `seconds` rather than at once, and as much longer: each point is the mean of
+    /// the ones up to it, in which limits of velocity and acceleration hold, as they do in each of them. Jerk is then at most twice the
+    /// acceleration by `seconds`. Joints leave the path by at most acceleration x `seconds`^2 / 24: 0.2 mrad for 1.5 rad/s^2 and 50 ms.
+    #[must_use]
+    pub fn ramped(self, seconds: f64) -> Self {
+        let window = (seconds / self.dt).round() as usize;
+        if window < 2 || self.points.len() < 2 {
+            return self;
+        }
+        let last = self.points.len() - 1;
+        let mean = |end: usize, of: fn(&TrajectoryPoint) -> &[f64]| -> Vec<f64> {
+            let from = (end + 1).saturating_sub(window);
+            // Before it begins it stands at its first point, after its end at the last one.
+            let before = (window - 1).saturating_sub(end) as f64;
+            let mut sum: Vec<f64> = of(&self.points[0]).iter().map(|x| before * x).collect();
+            for k in from..=end {
+                sum.iter_mut().zip(of(&self.points[k.min(last)])).for_each(|(sum, x)| *sum += x);
+            }
+            sum.iter_mut().for_each(|x| *x /= window as f64);
+            sum
+        };
+        let mut points: Vec<TrajectoryPoint> = (0..last + window - 1)
+            .map(|end| TrajectoryPoint { q: mean(end, |p| &p.q), qd: mean(end, |p| &p.qd) })
+            .collect();
+        points.push(self.points[last].clone());
+        let duration = self.dt * (points.len() - 1) as f64;
+        Self { points, duration, ..self }
+    }
+
     /// Where it begins.
     pub fn first(&self) -> &[f64] {
         &self.points[0].q
@@ -326,6 +355,34 @@ mod tests {
         let t = time_path(&[0], &[0.0], &path, &l, DT);
         assert!(t.points.iter().all(|p| p.qd[0] <= 0.05 + 1e-12));
         assert!((t.duration - (0.2 / 0.05 + 0.05 / 2.0)).abs() < 0.05);
+    }
+
+    #[test]
+    fn a_ramp_bounds_the_jerk_and_hardly_leaves_the_path() {
+        let l = limits(&[1.0, 0.8], &[1.5, 2.0]);
+        let sharp = timed(&[vec![0.0, 0.3], vec![0.5, 0.1], vec![0.4, 0.9]], &l);
+        let ramp = 0.05;
+        let t = sharp.clone().ramped(ramp);
+        check(&t, &l);
+        assert_eq!((t.first(), t.last()), (sharp.first(), sharp.last()));
+        assert!((t.duration - sharp.duration - ramp).abs() < 2.0 * DT, "{} {}", t.duration, sharp.duration);
+        for k in 0..2 {
+            let away = (0..=(t.duration / 1e-3) as usize).map(|ms| t.sample(1e-3 * ms as f64).0[k]);
+            let near = |q: f64| {
+                let there =
+                    (0..=(sharp.duration / 1e-3) as usize).map(|ms| sharp.sample(1e-3 * ms as f64).0[k]);
+                there.map(|other| (other - q).abs()).fold(f64::INFINITY, f64::min)
+            };
+            assert!(
+                away.step_by(20).map(near).fold(0.0, f64::max)
+                    < l.acceleration[k] * ramp * ramp / 24.0 + 5e-4
+            );
+            for w in t.points.windows(4) {
+                let jerk = (w[3].q[k] - 3.0 * w[2].q[k] + 3.0 * w[1].q[k] - w[0].q[k]) / DT.powi(3);
+                assert!(jerk.abs() <= 2.0 * l.acceleration[k] / ramp * 1.01, "{jerk}");
+            }
+        }
+        assert_eq!(sharp.clone().ramped(0.0), sharp);
     }
 
     #[test]

@@ -7,7 +7,7 @@ use crate::belief::BeliefScene;
 use crate::collision::{CollisionBody, CollisionChecker, CollisionQuery};
 use crate::grasp::{Grasp, rank_grasps};
 use crate::motion::{CartesianPath, straight_line, translate};
-use crate::plan::{Action, GripperCommand, Guard, PlanFailure, PlanStage, PlanStep, StepName};
+use crate::plan::{Action, GripperCommand, PlanFailure, PlanStage, PlanStep, StepName};
 use crate::planner::Planner;
 
 /// Configurations of the arm at the grasp that are tried.
@@ -116,17 +116,9 @@ impl Planner {
                     shake.push(translate(solver, &from, axis * way, arm_meets).ok()?);
                 }
             }
-            let straight = |name, path: &CartesianPath, speed, guarded: bool, holding| PlanStep {
+            let straight = |name, path: &CartesianPath, speed, guarded, holding| PlanStep {
                 name,
-                action: Action::Move {
-                    trajectory: self.time_straight(path, speed, holding),
-                    guard: guarded.then(|| Guard {
-                        force_n: settings.guard_force,
-                        near: settings.guard_near,
-                        length: path.length(),
-                    }),
-                    holding,
-                },
+                action: self.straight(path, speed, guarded, holding),
             };
             let force_n = force_n.unwrap_or_else(|| self.grip_force(info, grasp));
             let close = PlanStep {

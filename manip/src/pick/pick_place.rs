@@ -6,23 +6,27 @@ use grip_sim::pose::Pose;
 use nalgebra::{Isometry3, Vector3};
 use rand_chacha::ChaCha8Rng;
 
-use crate::belief::BeliefScene;
+use crate::belief::{BeliefScene, BinGeometry};
 use crate::collision::{CollisionBody, CollisionChecker, CollisionPair, CollisionQuery, HeldObject};
 use crate::grasp::{Grasp, hand_may_touch, rank_grasps};
 use crate::motion::{CartesianPath, Trajectory, straight_line, translate};
-use crate::place::{PlacePose, place_poses};
+use crate::place::{PlacePose, PlaceSettings, place_poses};
 use crate::plan::{
-    Action, GripperCommand, Guard, PickPlacePlan, PlanCounters, PlanFailure, PlanStage, PlanStep, StepName,
+    Action, GripperCommand, PickPlacePlan, PlanCounters, PlanFailure, PlanStage, PlanStep, StepName,
 };
 use crate::planner::Planner;
+
+/// Lower than this above the table something stands on it, metres.
+const ON_TABLE: f64 = 0.005;
 
 /// What a pick may risk: other picks may first make better ones of it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Risk {
-    /// As little as can be: firm grasps alone ([`crate::grasp::GraspSettings::firm`]), and lifts that leave what the object leans against within the
-    /// first centimetres, aside where up does not.
+    /// As little as can be: firm grasps alone ([`crate::grasp::GraspSettings::firm`]), places where the object stands, and lifts that leave
+    /// what it leans against within the first centimetres, aside where up does not.
     Averse,
-    /// Any grasp, and lifts that slide along other objects all the way up: they may be taken along or knocked over.
+    /// Any grasp, places where the object comes to lean, and lifts that slide along other objects all the way up: they may be taken
+    /// along or knocked over.
     Tolerant,
 }
 
@@ -55,6 +59,8 @@ pub(crate) struct Attempt<'a> {
     pub(crate) checker: CollisionChecker,
     target: usize,
     risk: Risk,
+    /// What becomes of a place: see [`Planner::plan_put_aside`].
+    aside: bool,
     q_now: Vec<f64>,
     base_from_world: Isometry3<f64>,
     touch: Vec<CollisionPair>,
@@ -76,6 +82,34 @@ impl Planner {
         risk: Risk,
         seed: u64,
     ) -> Result<PickPlacePlan, PlanFailure> {
+        self.plan_to(belief, target, q_now, (risk, false), seed)
+    }
+
+    /// Plans to put the object down elsewhere on the table, without a risk ([`Risk::Averse`]), where it stands on the table itself: from
+    /// there it can be gripped in another way. `table` is where, as a bin without walls.
+    ///
+    /// # Errors
+    /// As [`Planner::plan_pick_place`].
+    pub fn plan_put_aside(
+        &self,
+        belief: &BeliefScene,
+        target: usize,
+        table: BinGeometry,
+        q_now: &[f64],
+        seed: u64,
+    ) -> Result<PickPlacePlan, PlanFailure> {
+        let belief = BeliefScene { bin: table, ..belief.clone() };
+        self.plan_to(&belief, target, q_now, (Risk::Averse, true), seed)
+    }
+
+    fn plan_to(
+        &self,
+        belief: &BeliefScene,
+        target: usize,
+        q_now: &[f64],
+        (risk, aside): (Risk, bool),
+        seed: u64,
+    ) -> Result<PickPlacePlan, PlanFailure> {
         let clock = Instant::now();
         let name = belief.objects.get(target).map_or_else(|| format!("object {target}"), |o| o.name.clone());
         let fail = |(stage, reason): (PlanStage, String), mut counters: PlanCounters| {
@@ -88,7 +122,7 @@ impl Planner {
             return Err(fail((PlanStage::Input, reason), PlanCounters::default()));
         }
         let belief = snapped_to_ground(belief, self.settings.table_snap);
-        let mut attempt = Attempt::new(self, &belief, target, q_now, risk);
+        let mut attempt = Attempt { aside, ..Attempt::new(self, &belief, target, q_now, risk) };
         let mut rng = grip_sim::rng::stream(seed, "pick and place");
         let plan = attempt.plan(&mut rng);
         let Attempt { mut counters, failed, .. } = attempt;
@@ -115,6 +149,7 @@ impl<'a> Attempt<'a> {
         Self {
             planner,
             risk,
+            aside: false,
             checker: CollisionChecker::new(planner.robot.clone(), belief),
             target,
             q_now: planner.clamped(q_now),
@@ -150,7 +185,16 @@ impl<'a> Attempt<'a> {
             let Some(picked) = self.pick(grasp) else {
                 continue;
             };
-            let places = places.get_or_insert_with(|| place_poses(self.belief, self.target, &settings.place));
+            let places = places.get_or_insert_with(|| {
+                // Beside the bin the middle of the table is as good as its edge, and easier to reach.
+                let middle_cost =
+                    if self.aside { -settings.place.middle_cost } else { settings.place.middle_cost };
+                let place = PlaceSettings { middle_cost, ..settings.place.clone() };
+                let mut places = place_poses(self.belief, self.target, &place);
+                places.retain(|place| place.stands || !averse);
+                places.retain(|place| !self.aside || place.support_height < ON_TABLE);
+                places
+            });
             self.counters.places = places.len();
             if places.is_empty() {
                 self.note(PlanStage::NoPlacePose, "the bin has no room for it".into());
@@ -375,14 +419,8 @@ impl<'a> Attempt<'a> {
         let settings = &self.planner.settings;
         let object = &self.belief.objects[self.target];
         let free = |trajectory, holding| Action::Move { trajectory, guard: None, holding };
-        let straight = |path: &CartesianPath, speed, guarded: bool, holding| Action::Move {
-            trajectory: self.planner.time_straight(path, speed, holding),
-            guard: guarded.then(|| Guard {
-                force_n: settings.guard_force,
-                near: settings.guard_near,
-                length: path.length(),
-            }),
-            holding,
+        let straight = |path: &CartesianPath, speed, guarded, holding| {
+            self.planner.straight(path, speed, guarded, holding)
         };
         let grip = |command, width| Action::Gripper { command, width };
         let force_n = self.planner.grip_force(&object.model.info, &picked.grasp);

@@ -13,7 +13,7 @@ use serde::Serialize;
 
 use super::height_map::{HeightMap, Profile};
 use super::settings::PlaceSettings;
-use super::support::{Support, SupportCheck, directions};
+use super::support::{Support, SupportCheck, directions, needed};
 use crate::belief::BeliefScene;
 use crate::motion::wrap;
 use crate::stable::{nearest_standing, stable_facets};
@@ -34,6 +34,8 @@ pub struct PlacePose {
     pub top_height: f64,
     /// Litres that it adds to the pile, plus tie breakers; lower is better.
     pub cost: f64,
+    /// Whether it stands there; else it leans on what is beside it, or tips over.
+    pub stands: bool,
 }
 
 /// The map of packed items' tops above the bin's floor, and which item each cell belongs to.
@@ -118,6 +120,8 @@ pub fn place_poses(belief: &BeliefScene, target: usize, settings: &PlaceSettings
             belief: &others,
             owner: &owner,
             gap: settings.support_gap,
+            needed: needed(&profile, &center, &directions, settings.stand_margin / settings.cell),
+            tip_fall: settings.tip_fall,
         };
         let wide = profile.dilated(margin);
         let Some(bounds) = bounds(&wide) else {
@@ -160,6 +164,7 @@ pub fn place_poses(belief: &BeliefScene, target: usize, settings: &PlaceSettings
                     support_height: z + profile.span[0],
                     top_height: top,
                     cost: litres + settings.height_cost * top + settings.middle_cost * middle + tips,
+                    stands: tips == 0.0,
                 });
             }
         }

@@ -22,12 +22,17 @@ pub struct PlaceSettings {
     pub keep: usize,
     /// A gap below the object that is smaller than this counts as support, metres, 0 to 0.05. Default 0.006: about a cell.
     pub support_gap: f64,
+    /// Where an object stands, what bears it reaches so far beyond its centre of mass to every side, metres, 0 to 0.1, or half as far as
+    /// the object does. Default 0.015: less than that and it falls off a bottle's cap.
+    pub stand_margin: f64,
     /// Cost of a metre of the object's top above the bin's floor, litres, 0 to 1000. Default 2: it breaks ties, low ones first.
     pub height_cost: f64,
     /// Cost of the middle of the bin against its walls, litres, 0 to 1000. Default 0.1: the middle stays open for the hand.
     pub middle_cost: f64,
     /// Cost of a place where the object tips over, litres, 0 to 1e6. Default 100: more than of any where it stands.
     pub tip_cost: f64,
+    /// How deep what is below an object may be where it tips over, metres, 0 to 1. Default 0.04: it would fall as far.
+    pub tip_fall: f64,
     /// Places nearer to each other than this are one, metres, 0 to 1, ... Default 0.025.
     pub distinct_distance: f64,
     /// ... and with headings that differ by less than this, radians, 0 to pi. Default 0.5.
@@ -43,9 +48,11 @@ impl Default for PlaceSettings {
             release_height: 0.008,
             keep: 400,
             support_gap: 0.006,
+            stand_margin: 0.015,
             height_cost: 2.0,
             middle_cost: 0.1,
             tip_cost: 100.0,
+            tip_fall: 0.04,
             distinct_distance: 0.025,
             distinct_angle: 0.5,
         }
@@ -65,9 +72,11 @@ impl PlaceSettings {
             .number("release_height", self.release_height, 0.0..=0.2, "metres")
             .count("keep", self.keep, 1..=100_000)
             .number("support_gap", self.support_gap, 0.0..=0.05, "metres")
+            .number("stand_margin", self.stand_margin, 0.0..=0.1, "metres")
             .number("height_cost", self.height_cost, 0.0..=1000.0, "litres a metre")
             .number("middle_cost", self.middle_cost, 0.0..=1000.0, "litres")
             .number("tip_cost", self.tip_cost, 0.0..=1e6, "litres")
+            .number("tip_fall", self.tip_fall, 0.0..=1.0, "metres")
             .number("distinct_distance", self.distinct_distance, 0.0..=1.0, "metres")
             .number("distinct_angle", self.distinct_angle, 0.0..=std::f64::consts::PI, "radians")
             .result()

@@ -40,6 +40,28 @@ pub(super) struct SupportCheck<'a> {
     pub owner: &'a [Option<usize>],
     /// A gap below this counts as support, metres.
     pub gap: f64,
+    /// How far what bears it must reach beyond its centre of mass in each direction for it to stand, cells.
+    pub needed: [f32; DIRECTIONS],
+    /// How deep what is below it may be where it tips, metres.
+    pub tip_fall: f64,
+}
+
+/// What [`SupportCheck::needed`] is for an object with a `profile`: `margin` cells, or half of how far it reaches itself, and a cell to
+/// spare.
+pub(super) fn needed(
+    profile: &Profile,
+    center: &Vector2<f64>,
+    [xs, ys]: &[[f32; DIRECTIONS]; 2],
+    margin: f64,
+) -> [f32; DIRECTIONS] {
+    std::array::from_fn(|k| {
+        let along = |offset: &[i32; 2]| {
+            let [x, y] = [0, 1].map(|axis| (f64::from(offset[axis]) - center[axis]) as f32);
+            x * xs[k] + y * ys[k]
+        };
+        let itself = profile.cells.iter().map(|(offset, ..)| along(offset)).fold(0.0, f32::max);
+        (margin as f32).min(0.5 * itself).max(1.0)
+    })
 }
 
 impl SupportCheck<'_> {
@@ -52,10 +74,13 @@ impl SupportCheck<'_> {
         at: impl Fn(&[i32; 2]) -> usize,
     ) -> Support {
         let mut reach = [f32::NEG_INFINITY; DIRECTIONS];
+        let mut deepest: f64 = 0.0;
         let [xs, ys] = &self.directions;
         for (offset, bottom, _) in &profile.cells {
             let index = at(offset);
-            if z + bottom - map.heights[index] > self.gap {
+            let gap = z + bottom - map.heights[index];
+            deepest = deepest.max(gap);
+            if gap > self.gap {
                 continue;
             }
             if let Some(below) = self.owner[index] {
@@ -69,11 +94,10 @@ impl SupportCheck<'_> {
                 reach[k] = reach[k].max(x * xs[k] + y * ys[k]);
             }
         }
-        // With a cell to spare: supports reach that far to every side.
-        let far = |reach: &f32| *reach >= 1.0;
-        if reach.iter().all(far) {
+        if reach.iter().zip(&self.needed).all(|(reach, needed)| reach >= needed) {
             Support::Stands
-        } else if reach.iter().step_by(DIRECTIONS / 4).all(far) {
+        } else if deepest <= self.tip_fall && reach.iter().step_by(DIRECTIONS / 4).all(|reach| *reach >= 1.0)
+        {
             Support::Tips
         } else {
             Support::None
@@ -104,6 +128,8 @@ mod tests {
                 belief: &belief,
                 owner: &owner,
                 gap: 0.006,
+                needed: [1.0; DIRECTIONS],
+                tip_fall: 0.2,
             };
             check.support(&profile, map, 0.11, |o| ((o[0] + 9) + (o[1] + 9) * 19) as usize)
         };

@@ -11,7 +11,7 @@ use rapier3d::prelude::Vector;
 
 use crate::tests::{TABLE, at, block, object, robot, scene, world_over, world_with};
 use crate::world::{STEP_HZ, World};
-use crate::{Grip, PadModel, PhysicsSettings};
+use crate::{Grip, PhysicsSettings};
 use grip_sim::convert;
 use grip_sim::objects::ObjectModel;
 use grip_sim::pose::Pose;
@@ -24,12 +24,6 @@ const FORCE: f64 = 40.0;
 const MU: f64 = 0.75;
 /// What friction holds that has no torque to bear, newtons: of both pads.
 const MOST: f64 = 2.0 * MU * FORCE;
-
-fn settings() -> PhysicsSettings {
-    let mut settings = PhysicsSettings::default();
-    settings.fingers.pads = PadModel::Even;
-    settings
-}
 
 /// Arm of the largest torque that a patch bears beside a force of a share of its friction along its second axis, metres.
 fn arm(points: &[Vector2<f64>], share: f64) -> f64 {
@@ -69,7 +63,10 @@ impl Pinch {
     fn of(model: &Arc<ObjectModel>) -> Self {
         let (reached, config) = world_over(0.7, 0.0, TABLE + 0.25);
         let (robot, _) = robot();
-        let mut world = World::new(&scene(), robot, &config, reached.joints().to_vec(), &settings()).unwrap();
+        // A hand that stays where it is.
+        let mut settings = PhysicsSettings::default();
+        settings.servo.give = 0.0;
+        let mut world = World::new(&scene(), robot, &config, reached.joints().to_vec(), &settings).unwrap();
         world.physics.gravity = Vector::ZERO;
         let fingers = [0, 1].map(|side| {
             let finger = world.robot.fingers[side].link;
@@ -153,7 +150,7 @@ fn what_friction_already_bears_is_lost_to_twisting() {
             near(&format!("{name}, {share} borne"), torque(&model, arm), arm, within);
         }
         // A point: the patch of a soft pad.
-        let arm = settings().fingers.torsion_m * (1.0 - share * share).sqrt();
+        let arm = PhysicsSettings::default().fingers.torsion_m * (1.0 - share * share).sqrt();
         near(&format!("ball, {share} borne"), torque(&ball(), arm), arm, within);
     }
 }
@@ -190,7 +187,7 @@ fn tilted(
     pose: Pose<grip_sim::pose::World, grip_sim::pose::Object>,
     rate: f64,
 ) -> f64 {
-    let (mut world, _) = world_with(&settings());
+    let (mut world, _) = world_with(&PhysicsSettings::default());
     world.add_object(model, &pose).unwrap();
     let (target, grip) = world.hold();
     (0..STEP_HZ).for_each(|_| world.step(&target, grip));
@@ -217,7 +214,7 @@ fn a_box_slides_at_the_angle_of_friction_and_tips_at_its_shape() {
 #[test]
 fn a_can_rolls_down_by_its_inertia_and_its_resistance() {
     let can = object(Convex::Cylinder { half_height: 0.05, radius: 0.033 }, [0.033, 0.033, 0.05], 0.35, 0.6);
-    let mut settings = settings();
+    let mut settings = PhysicsSettings::default();
     settings.objects.angular_damping = 0.0;
     let (mut world, _) = world_with(&settings);
     world.add_object(can, &Pose::from_xyz_rpy([0.65, 0.0, TABLE + 0.033], [FRAC_PI_2, 0.0, 0.0])).unwrap();
@@ -237,7 +234,7 @@ fn a_can_rolls_down_by_its_inertia_and_its_resistance() {
 fn a_can_on_its_end_spins_down() {
     let (radius, mass) = (0.04, 0.4);
     let can = object(Convex::Cylinder { half_height: 0.02, radius }, [radius, radius, 0.02], mass, 0.6);
-    let mut settings = settings();
+    let mut settings = PhysicsSettings::default();
     settings.objects.angular_damping = 0.0;
     settings.objects.rolling_resistance = 0.0;
     let (mut world, _) = world_with(&settings);

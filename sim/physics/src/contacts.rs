@@ -86,8 +86,6 @@ pub struct ObjectContacts {
     pub largest_force: f64,
     /// Sum of the magnitudes of the normal forces by everything but the fingers, newtons.
     pub blow_force: f64,
-    /// Net normal force by everything but the hand, newtons, world frame.
-    pub outside: Vector3<f64>,
     /// Objects that press this one down, and with how many newtons each.
     pub loads: Vec<(usize, f64)>,
     /// Objects that press on this one or that it presses on.
@@ -117,8 +115,6 @@ impl ObjectContacts {
 pub(crate) struct Contacts {
     /// By object index.
     pub objects: Vec<ObjectContacts>,
-    /// Net normal force on the two fingers by what is fixed, newtons, world frame.
-    pub on_fingers: Vector3<f64>,
     /// Net force on the two fingers by all but each other, newtons, world frame.
     pub on_hand: Vector3<f64>,
     /// Largest normal force on a single robot link that is not a finger, newtons, and that link.
@@ -160,8 +156,8 @@ fn felt(pair: &ContactPair, first: &Collider, parameters: &IntegrationParameters
 }
 
 impl Contacts {
-    /// Reads the narrow phase after a step. `hand` is the link that carries the fingers.
-    pub fn read(physics: &PhysicsWorld, objects: usize, hand: usize) -> Self {
+    /// Reads the narrow phase after a step.
+    pub fn read(physics: &PhysicsWorld, objects: usize) -> Self {
         let mut contacts = Self { objects: vec![ObjectContacts::default(); objects], ..Self::default() };
         let mut links: Vec<(usize, Vector3<f64>)> = Vec::new();
         for pair in physics.narrow_phase.contact_pairs() {
@@ -172,12 +168,9 @@ impl Contacts {
             for (me, other, on_me) in [(first, second, on_first), (second, first, on_first.reaction())] {
                 let force = on_me.force;
                 match me {
-                    Body::Object(i) => contacts.objects[i].add(other, &on_me, hand),
+                    Body::Object(i) => contacts.objects[i].add(other, &on_me),
                     Body::Finger(_) if !matches!(other, Body::Finger(_)) => {
                         contacts.on_hand += force + on_me.friction;
-                        if matches!(other, Body::Fixture(_)) {
-                            contacts.on_fingers += force;
-                        }
                     }
                     Body::Link(link) => match links.iter_mut().find(|(l, _)| *l == link) {
                         Some((_, sum)) => *sum += force,
@@ -194,12 +187,9 @@ impl Contacts {
 }
 
 impl ObjectContacts {
-    fn add(&mut self, other: Body, contact: &FingerContact, hand: usize) {
+    fn add(&mut self, other: Body, contact: &FingerContact) {
         let force = contact.force;
         let newtons = force.norm();
-        if !matches!(other, Body::Finger(_)) && other != Body::Link(hand) {
-            self.outside += force;
-        }
         self.largest_force = self.largest_force.max(newtons);
         if !matches!(other, Body::Finger(_)) {
             self.blow_force += newtons;

@@ -34,8 +34,8 @@ pub use error::{Error, Result};
 pub use placement::{Accept, Dropped, LaidOut, drop_objects};
 pub use robot_body::{Grip, Stop};
 pub use settings::{
-    FingerSettings, LayoutSettings, ObjectSettings, PadModel, PhysicsSettings, PlacementSettings,
-    ServoSettings, SolverSettings, StopSettings,
+    FingerSettings, LayoutSettings, ObjectSettings, PhysicsSettings, PlacementSettings, ServoSettings,
+    SolverSettings, StopSettings,
 };
 pub use view::ROBOT_LABEL;
 pub use world::{Placed, STEP_HZ, Settled, World};

@@ -184,6 +184,10 @@ pub(crate) struct RobotBody {
     /// The previous step's target, for feed-forward of its velocity.
     target: Vec<f64>,
     acceleration: Vec<f64>,
+    /// rad/(N m) or m/N.
+    compliance: Vec<f64>,
+    /// How far each servo has given way, radians or metres.
+    given: Vec<f64>,
     finger_target: f64,
     pub stop: Option<Stop>,
     /// Control steps in a row with too much force on a link.
@@ -262,6 +266,7 @@ impl RobotBody {
         let [right, left] = fingers;
         let acceleration =
             config.limits.iter().map(|l| l.acceleration * settings.servo.acceleration).collect::<Vec<_>>();
+        let compliance = config.compliance.iter().map(|of| of * settings.servo.give).collect();
         let finger_target = q[finger_joints[0]];
         Ok(Self {
             servo: settings.servo.clone(),
@@ -271,6 +276,8 @@ impl RobotBody {
             links,
             fingers: [right?, left?],
             qd: vec![0.0; q.len()],
+            compliance,
+            given: vec![0.0; q.len()],
             target: q.clone(),
             q,
             acceleration,
@@ -283,6 +290,22 @@ impl RobotBody {
             world_from_base,
             model,
         })
+    }
+
+    /// Gives way to a force on the hand, newtons, world frame: controllers without an integral part keep an error of load by stiffness,
+    /// and compensate the arm's own weight alone.
+    pub fn give_way(&mut self, hand_force: &Vector3<f64>, dt: f64) {
+        let share = dt / (self.servo.give_s + dt);
+        self.given.iter_mut().for_each(|given| *given -= share * *given);
+        if *hand_force != Vector3::zeros() {
+            let joints: Vec<usize> = (0..self.q.len()).filter(|&i| self.compliance[i] > 0.0).collect();
+            let force = self.world_from_base.inverse() * hand_force;
+            let jacobian = self.model.jacobian(&self.q, self.gripper, &joints);
+            for (column, &joint) in joints.iter().enumerate() {
+                let load = jacobian.fixed_view::<3, 1>(0, column).dot(&force);
+                self.given[joint] += share * load * self.compliance[joint];
+            }
+        }
     }
 
     /// One servo step towards `target` (all movable joints; fingers are driven by `grip` instead).
@@ -300,8 +323,10 @@ impl RobotBody {
             let goal = if self.stop.is_some() { self.q[i] } else { joint.limits.clamp(target[i]) };
             let feed_forward = if self.stop.is_some() { 0.0 } else { (goal - self.target[i]) / dt };
             let limit = joint.limits.velocity;
-            let wanted =
-                (feed_forward + self.servo.bandwidth * (self.target[i] - self.q[i])).clamp(-limit, limit);
+            // One that was stopped stays where it is.
+            let given = if self.stop.is_some() { 0.0 } else { self.given[i] };
+            let error = self.target[i] + given - self.q[i];
+            let wanted = (feed_forward + self.servo.bandwidth * error).clamp(-limit, limit);
             let step = self.acceleration[i] * dt;
             self.qd[i] += (wanted - self.qd[i]).clamp(-step, step);
             let next = joint.limits.clamp(self.q[i] + self.qd[i] * dt);

@@ -113,11 +113,16 @@ pub struct ServoSettings {
     pub acceleration: f64,
     /// Coulomb friction of the links against objects, 0 to 2. Default 0.5, painted plastic.
     pub link_friction: f64,
+    /// How far they give way under what presses on the hand, times what the robot's file says (`[stiffness]`), 0 to 100. Default 1.
+    pub give: f64,
+    /// Time constant with which they give way, seconds, 0.02 to 10. Default 0.1: the arm's inertia, and slow enough beside contacts
+    /// that do not give.
+    pub give_s: f64,
 }
 
 impl Default for ServoSettings {
     fn default() -> Self {
-        Self { bandwidth: 60.0, acceleration: 2.5, link_friction: 0.5 }
+        Self { bandwidth: 60.0, acceleration: 2.5, link_friction: 0.5, give: 1.0, give_s: 0.1 }
     }
 }
 
@@ -145,24 +150,10 @@ pub struct FingerSettings {
     /// Coulomb friction of the pads as it is, whatever planning believes, 0 to 2. Default 0.9, rubber. With an object's own
     /// the pair has their mean.
     pub pad_friction: f64,
-    /// How the pads press. Default `corners`.
-    pub pads: PadModel,
-    /// Arm of the torsional friction of the patch in which an even pad touches a point or an edge, metres, 0 to 0.05. Default
+    /// Arm of the torsional friction of the patch in which a pad touches a point or an edge, metres, 0 to 0.05. Default
     /// 0.004: rubber of 2 MPa on a curve of 30 mm under 40 N touches it in a patch of radius 7 mm (Hertz), whose arm is 3 pi / 16
     /// of that.
     pub torsion_m: f64,
-}
-
-/// How a pad presses on what it touches.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "snake_case")]
-pub enum PadModel {
-    /// At the corners of what it touches, whatever force its friction already bears; a point does not resist twisting.
-    #[default]
-    Corners,
-    /// Evenly over what it touches, as rubber does: what friction bears is lost to twisting. With it come what else is told exactly: the
-    /// hand's force sensor reads the solver, and rolling resistance takes the inertia about the axis of the spin.
-    Even,
 }
 
 impl Default for FingerSettings {
@@ -176,7 +167,6 @@ impl Default for FingerSettings {
             opening_force_n: 60.0,
             force_margin: 3.0,
             pad_friction: 0.9,
-            pads: PadModel::default(),
             torsion_m: 0.004,
         }
     }
@@ -321,6 +311,8 @@ impl PhysicsSettings {
         within("servo.bandwidth", servo.bandwidth, 1.0, 240.0)?;
         within("servo.acceleration", servo.acceleration, 1.0, 10.0)?;
         within("servo.link_friction", servo.link_friction, 0.0, 2.0)?;
+        within("servo.give", servo.give, 0.0, 100.0)?;
+        within("servo.give_s", servo.give_s, 0.02, 10.0)?;
         within("fingers.stiffness", fingers.stiffness, 1.0, 1e6)?;
         within("fingers.damping", fingers.damping, 0.0, 1e5)?;
         within("fingers.mass_kg", fingers.mass_kg, 1e-3, 10.0)?;

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
 
 use crate::world::{STEP_HZ, World};
-use crate::{Accept, Grip, PadModel, PhysicsSettings, PlacementSettings, Stop, drop_objects};
+use crate::{Accept, Grip, PhysicsSettings, PlacementSettings, Stop, drop_objects};
 use grip_sim::condition::{Clutter, Placement};
 use grip_sim::mesh::{Material, Mesh, Visual};
 use grip_sim::objects::{ObjectInfo, ObjectLibrary, ObjectModel, ObjectSet};
@@ -247,16 +247,8 @@ fn friction_and_force_alone_decide_whether_a_block_is_lifted() {
 
 #[test]
 fn the_hand_feels_what_hangs_on_its_pads_and_what_carries_it() {
-    for pads in [PadModel::Corners, PadModel::Even] {
-        let mut settings = PhysicsSettings::default();
-        settings.fingers.pads = pads;
-        hand_feels(&settings);
-    }
-}
-
-fn hand_feels(settings: &PhysicsSettings) {
     let (mass, force_n) = (0.8, 30.0);
-    let (mut world, config) = world_over_with(settings, [0.7, 0.0, TABLE + 0.05]);
+    let (mut world, config) = world_over(0.7, 0.0, TABLE + 0.05);
     world.add_object(block([0.02, 0.03, 0.03], mass, 0.6), &at(0.7, 0.0, TABLE + 0.031)).unwrap();
     let felt = |world: &mut World, grip: Grip| {
         let (target, _) = world.hold();
@@ -287,6 +279,36 @@ fn hand_feels(settings: &PhysicsSettings) {
     // As much as the pads hold before they slide: 2 mu F.
     let slides = 2.0 * 0.75 * force_n;
     assert!((most - slides).abs() < 0.5, "{most} N, and they slide at {slides}");
+}
+
+#[test]
+fn servos_give_way_by_load_and_stiffness() {
+    let (mut world, config) = world_over(0.7, 0.0, TABLE + 0.05);
+    let mass = 1.5;
+    world.add_object(block([0.02, 0.03, 0.03], mass, 0.6), &at(0.7, 0.0, TABLE + 0.031)).unwrap();
+    let (target, _) = world.hold();
+    let close = Grip::Close { force_n: 40.0 };
+    (0..STEP_HZ).for_each(|_| world.step(&target, close));
+    move_gripper(&mut world, &config, &down(0.7, 0.0, TABLE + 0.15), 1.5, close);
+    // From here on the targets stay, and the weight comes and goes with gravity.
+    let (target, _) = world.hold();
+    let mut rest = |gravity: f32| {
+        world.physics.gravity = rapier3d::prelude::Vector::new(0.0, 0.0, gravity);
+        (0..STEP_HZ).for_each(|_| world.step(&target, close));
+        world.joints().to_vec()
+    };
+    let (without, with) = (rest(0.0), rest(-9.81));
+    let robot = &world.robot_model;
+    let jacobian = robot.jacobian(&with, config.gripper.link, &config.arm_with_torso);
+    let mut most: f64 = 0.0;
+    for (column, &joint) in config.arm_with_torso.iter().enumerate() {
+        let wanted = -mass * 9.81 * jacobian[(2, column)] * config.compliance[joint];
+        let name = &robot.joints()[joint].name;
+        let gave = with[joint] - without[joint];
+        assert!((gave - wanted).abs() < 0.02 * wanted.abs() + 1e-5, "{name}: {gave}, not {wanted}");
+        most = most.max(wanted.abs());
+    }
+    assert!(most > 3e-4, "{most}");
 }
 
 #[test]

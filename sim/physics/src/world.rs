@@ -10,7 +10,7 @@ use crate::contacts::{Body, Contacts, ObjectContacts};
 use crate::error::{Error, Result};
 use crate::pads::{self, EvenPads};
 use crate::robot_body::{Grip, RobotBody, Stop, fixture_groups, object_groups};
-use crate::settings::{PadModel, PhysicsSettings, SolverSettings};
+use crate::settings::{PhysicsSettings, SolverSettings};
 use grip_sim::convert;
 use grip_sim::objects::ObjectModel;
 use grip_sim::pose::{Object, Pose as FramePose, World as WorldFrame};
@@ -39,14 +39,23 @@ pub(crate) struct ObjectBody {
     pub body: RigidBodyHandle,
     /// Largest normal force by any one body since the last reset, newtons.
     pub peak_force: f64,
-    /// Normal impulses by everything but the fingers in the last steps, the newest anywhere, and their largest sum since the
-    /// last reset, newton seconds.
+    /// Normal impulses by everything but the fingers in the last steps, newton seconds, the newest anywhere: twice as many as a blow
+    /// lasts.
     recent: Vec<f64>,
+    /// Largest blow since the last reset, newton seconds.
     pub peak_impulse: f64,
     /// Half of the object's middle extent: the lever arm of rolling resistance scales with it.
     radius: f64,
-    /// Velocity after the last step, m/s.
-    velocity: Vector3<f64>,
+}
+
+impl ObjectBody {
+    /// Impulse of the last steps beyond that of as many before, newton seconds; `newest` is the place of the last one.
+    fn blow(&self, newest: usize) -> f64 {
+        let all = self.recent.len();
+        let sum =
+            |ago: std::ops::Range<usize>| ago.map(|k| self.recent[(newest + all - k) % all]).sum::<f64>();
+        sum(0..all / 2) - sum(all / 2..all)
+    }
 }
 
 /// Everything that physics moves, and the truth about it.
@@ -60,7 +69,6 @@ pub struct World {
     /// Which fixtures are parts of the bin.
     bin_parts: Vec<usize>,
     contacts: Contacts,
-    hand_force: Vector3<f64>,
     steps: u64,
     step_hz: u32,
     for_layout: bool,
@@ -114,7 +122,6 @@ impl World {
             fixed,
             bin_parts,
             contacts: Contacts::default(),
-            hand_force: Vector3::zeros(),
             steps: 0,
             step_hz: STEP_HZ,
             for_layout: false,
@@ -217,10 +224,9 @@ impl World {
             model,
             body,
             peak_force: 0.0,
-            recent: vec![0.0; objects.blow_steps],
+            recent: vec![0.0; 2 * objects.blow_steps],
             peak_impulse: 0.0,
             radius: half[1],
-            velocity: Vector3::zeros(),
         });
         self.contacts.objects.push(ObjectContacts::default());
         Ok(index)
@@ -259,50 +265,24 @@ impl World {
     /// A share of a step.
     fn engine_step(&mut self, target: &[f64], grip: Grip, share: f64) {
         let dt = share / f64::from(self.step_hz);
+        self.robot.give_way(&self.contacts.on_hand, dt);
         self.robot.drive(&mut self.physics, target, grip, dt);
         self.resist_rolling(dt);
-        match self.settings.fingers.pads {
-            PadModel::Corners => self.physics.step_with_events(&(), &()),
-            PadModel::Even => {
-                let patches = self.press_pads();
-                self.physics.step_with_events(&patches, &());
-            }
-        }
-        self.contacts = Contacts::read(&self.physics, self.objects.len(), self.robot.gripper);
-        self.feel(dt);
+        let patches = self.press_pads();
+        self.physics.step_with_events(&patches, &());
+        self.contacts = Contacts::read(&self.physics, self.objects.len());
         self.robot.sense(&self.physics, &self.contacts, &self.fixed, share);
         for (object, contacts) in self.objects.iter_mut().zip(&self.contacts.objects) {
             object.peak_force = object.peak_force.max(contacts.largest_force);
             let newest = self.steps as usize % object.recent.len();
             object.recent[newest] += contacts.blow_force * share / f64::from(self.step_hz);
-            object.peak_impulse = object.peak_impulse.max(object.recent.iter().sum());
-        }
-    }
-
-    /// What the hand feels: with even pads what the solver says. With the others by Newton's second law: an object in the hand passes
-    /// on its weight, its inertia and what presses on it from elsewhere (friction there aside).
-    fn feel(&mut self, dt: f64) {
-        if self.settings.fingers.pads == PadModel::Even {
-            self.hand_force = self.contacts.on_hand;
-            return;
-        }
-        self.hand_force = self.contacts.on_fingers;
-        for (object, contacts) in self.objects.iter_mut().zip(&self.contacts.objects) {
-            let Some(body) = self.physics.bodies.get(object.body) else { continue };
-            let velocity = convert::from_vector(body.linvel());
-            if contacts.fingers.iter().any(|finger| finger.force.norm() > 0.0) {
-                let acceleration = (velocity - object.velocity) / dt;
-                let gravity = convert::from_vector(self.physics.gravity);
-                self.hand_force += contacts.outside + object.model.info.mass_kg * (gravity - acceleration);
-            }
-            object.velocity = velocity;
+            object.peak_impulse = object.peak_impulse.max(object.blow(newest));
         }
     }
 
     /// Rolling resistance: a torque against the rotation, proportional to the force that presses the object on what it
     /// lies on, and never more than stops it. Finger contacts do not count, so that it cannot help a grasp.
     fn resist_rolling(&mut self, dt: f64) {
-        let exact = self.settings.fingers.pads == PadModel::Even;
         for (object, contacts) in self.objects.iter().zip(&self.contacts.objects) {
             if contacts.support_force <= 0.0 || contacts.touched_by_robot() {
                 continue;
@@ -315,14 +295,10 @@ impl World {
             }
             let local = &body.mass_properties().local_mprops;
             let principal = local.principal_inertia();
-            let inertia = if exact {
-                // About the axis of the spin.
-                let frame = body.position().rotation * local.principal_inertia_local_frame;
-                let axis = frame.inverse() * (spin / spin.length());
-                f64::from(principal.dot(axis * axis))
-            } else {
-                f64::from(principal.max_element())
-            };
+            // About the axis of the spin.
+            let frame = body.position().rotation * local.principal_inertia_local_frame;
+            let axis = frame.inverse() * (spin / spin.length());
+            let inertia = f64::from(principal.dot(axis * axis));
             let torque = self.settings.objects.rolling_resistance * object.radius * contacts.support_force;
             let kept = (1.0 - torque * dt / (inertia * speed)).max(0.0);
             body.set_angvel(spin * kept as f32, false);
@@ -494,9 +470,9 @@ impl World {
         self.objects[index].peak_force
     }
 
-    /// Largest normal impulse on object `index` by everything but the fingers within
-    /// [`ObjectSettings::blow_steps`](crate::ObjectSettings::blow_steps), 21 ms, since [`World::reset_peaks`], newton seconds:
-    /// what a blow or a fall gives. Its weight at rest counts too (0.07 N s for 0.35 kg).
+    /// Largest blow on object `index` since [`World::reset_peaks`], newton seconds: normal impulse by everything but the fingers within
+    /// [`ObjectSettings::blow_steps`](crate::ObjectSettings::blow_steps), 21 ms, beyond that of as many steps before, for what it bears
+    /// at rest is none.
     pub fn peak_impulse(&self, index: usize) -> f64 {
         self.objects[index].peak_impulse
     }
@@ -505,7 +481,6 @@ impl World {
     pub fn reset_peaks(&mut self) {
         for object in &mut self.objects {
             object.peak_force = 0.0;
-            object.recent.fill(0.0);
             object.peak_impulse = 0.0;
         }
     }
@@ -538,7 +513,7 @@ impl World {
     /// Net external force on the hand in the last step, newtons, world frame: a squeeze cancels, the weight of what is held
     /// does not.
     pub fn hand_force(&self) -> Vector3<f64> {
-        self.hand_force
+        self.contacts.on_hand
     }
 
     /// Largest normal force on a link that is not a finger in the last step, newtons.

@@ -125,6 +125,8 @@ impl Renderer for CpuRenderer {
     ) -> Result<Rendering> {
         check_view("cpu", scene, lighting, intrinsics, world_from_camera)?;
         let view = self.prepare(scene, world_from_camera.inverse().iso())?;
+        // Without any light the picture is black, and depth and labels are all there is to find.
+        let dark = lighting.ambient_lux == 0.0 && lighting.lights.is_empty();
         let lighting = ViewLighting::new(lighting, scene.bounce.as_ref(), world_from_camera);
         let (width, height) = (intrinsics.width, intrinsics.height);
 
@@ -157,6 +159,9 @@ impl Renderer for CpuRenderer {
                         depth[u] = hit.depth as f32;
                         labels[u] = view.instances[hit.instance as usize].label;
                         cos[u] = hit.cos_incidence;
+                    }
+                    if dark {
+                        continue;
                     }
                     let edge = self.smooth_edges && is_edge(&hits, width, height, u, v);
                     let shade = |du: f64, dv: f64, hit: Option<&Hit>| {

@@ -29,6 +29,8 @@ pub struct RobotConfig {
     pub poses: BTreeMap<String, NamedPose>,
     /// Limits for planned motion, one a joint of `q`.
     pub limits: Vec<PlanningLimits>,
+    /// How far a servo gives way under a load, rad/(N m) or m/N, one a joint of `q`.
+    pub compliance: Vec<f64>,
     /// The head camera.
     pub camera: CameraConfig,
     /// The head's joints.
@@ -105,6 +107,10 @@ pub struct RobotConfigFile {
     poses: BTreeMap<String, BTreeMap<String, f64>>,
     /// What planning keeps to, by joint; lower than the URDF's.
     limits: BTreeMap<String, LimitsFile>,
+    /// Stiffness of the servos, by joint, N m/rad or N/m: how far they give way under a load that they do not know of. A joint that is
+    /// not named does not.
+    #[serde(default)]
+    stiffness: BTreeMap<String, f64>,
     camera: CameraFile,
     head: HeadFile,
     gripper: GripperFile,
@@ -270,6 +276,16 @@ fn check(file: RobotConfigFile, robot: &RobotModel) -> std::result::Result<Robot
     }
     let limits = planning_limits(&file.limits, robot, &[&arm, &arm_with_torso, &fingers])?;
 
+    let mut compliance = vec![0.0; robot.joints().len()];
+    for (name, &stiffness) in &file.stiffness {
+        let index = joint("stiffness", name)?;
+        // Softer than that would be no servo.
+        if !(1.0..=1e12).contains(&stiffness) {
+            return Err(format!("stiffness.{name} = {stiffness} must be from 1 to 1e12 N m/rad or N/m"));
+        }
+        compliance[index] = 1.0 / stiffness;
+    }
+
     for (name, intrinsics) in &file.camera.intrinsics {
         if let Some(problem) = intrinsics.problem() {
             return Err(format!("camera.intrinsics.{name}: {problem}"));
@@ -305,6 +321,7 @@ fn check(file: RobotConfigFile, robot: &RobotModel) -> std::result::Result<Robot
         gripper_joints: fingers,
         poses,
         limits,
+        compliance,
         camera,
         head,
         gripper,

@@ -20,6 +20,9 @@ pub struct Block {
     /// Coulomb friction.
     #[serde(default = "default_friction")]
     pub friction: f64,
+    /// Whether nothing is put down on it when a scene is laid out: the board of a shelf, under which things stand.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub overhead: bool,
 }
 
 impl Block {
@@ -85,10 +88,12 @@ enum Below {
 /// Height of the level ground on which something with an outline of `radius` metres about (x, y) can stand: the highest block
 /// there, else `table`; `None` where it would stand on an edge or a slope.
 pub(super) fn ground(blocks: &[Block], table: f64, x: f64, y: f64, radius: f64) -> Option<f64> {
-    blocks.iter().try_fold(table, |highest, block| match block.below(x, y, radius) {
-        Below::Nothing => Some(highest),
-        Below::Level(top) => Some(highest.max(top)),
-        Below::Uneven => None,
+    blocks.iter().filter(|block| !block.overhead).try_fold(table, |highest, block| {
+        match block.below(x, y, radius) {
+            Below::Nothing => Some(highest),
+            Below::Level(top) => Some(highest.max(top)),
+            Below::Uneven => None,
+        }
     })
 }
 
@@ -98,7 +103,13 @@ mod tests {
 
     #[test]
     fn things_stand_on_the_table_or_on_a_block_but_not_on_an_edge_or_a_slope() {
-        let step = Block { center: [0.6, 0.2, 0.75], size: [0.2, 0.4, 0.1], rpy: [0.0; 3], friction: 0.6 };
+        let step = Block {
+            center: [0.6, 0.2, 0.75],
+            size: [0.2, 0.4, 0.1],
+            rpy: [0.0; 3],
+            friction: 0.6,
+            overhead: false,
+        };
         // On its side and turned by a quarter: 0.4 along x, 0.2 high.
         let turned = Block {
             center: [0.6, -0.4, 0.8],
@@ -107,12 +118,14 @@ mod tests {
             ..step.clone()
         };
         let ramp = Block { center: [0.9, 0.2, 0.75], rpy: [0.0, 0.2, 0.0], ..step.clone() };
-        let blocks = [step, turned, ramp];
+        let board = Block { center: [0.9, -0.3, 1.0], overhead: true, ..step.clone() };
+        let blocks = [step, turned, ramp, board];
         let ground = |x: f64, y: f64| ground(&blocks, 0.7, x, y, 0.03);
         assert!((ground(0.6, 0.3).unwrap() - 0.8).abs() < 1e-9);
         assert_eq!(ground(0.6, 0.39), None);
         assert_eq!(ground(0.6, -0.1), Some(0.7));
         assert!((ground(0.7, -0.4).unwrap() - 0.9).abs() < 1e-9);
+        assert_eq!(ground(0.9, -0.3), Some(0.7));
         assert_eq!(ground(0.9, 0.2), None);
         assert_eq!(ground(1.2, 0.2), Some(0.7));
     }

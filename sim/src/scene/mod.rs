@@ -15,6 +15,7 @@
 
 use std::path::{Path, PathBuf};
 
+use rand::RngExt;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -84,12 +85,28 @@ pub struct RobotPlacement {
     /// Base heading, radians.
     #[serde(default)]
     pub yaw: f64,
+    /// The base stands up to so far beside that along x and y, metres, and is turned by up to so much, radians: each run draws its own
+    /// from its seed. The robot knows where it stands.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub spread: [f64; 3],
     /// Named pose of the arm at the start and while looking.
     pub start_pose: String,
     /// Torso height above its lower stop at the start and while looking, metres.
     pub torso: f64,
     /// The point that the head camera looks at, metres.
     pub look_at: [f64; 3],
+}
+
+impl RobotPlacement {
+    /// Moves the base to where it stands in a run with `seed`.
+    pub fn draw(&mut self, seed: u64) {
+        let mut random = crate::rng::stream(seed, "base");
+        let [x, y, turn] =
+            std::mem::take(&mut self.spread).map(|most| most * (2.0 * random.random::<f64>() - 1.0));
+        self.base[0] += x;
+        self.base[1] += y;
+        self.yaw += turn;
+    }
 }
 
 impl Scene {
@@ -119,6 +136,7 @@ impl Scene {
         }
         each("robot.base", &robot.base, -10.0, 10.0)?;
         each("robot.yaw", &[robot.yaw], -7.0, 7.0)?;
+        each("robot.spread", &robot.spread, 0.0, 1.0)?;
         each("robot.torso", &[robot.torso], 0.0, 1.0)?;
         each("robot.look_at", &robot.look_at, -10.0, 10.0)?;
         if let Some(problem) = self.camera.problem() {
@@ -220,9 +238,13 @@ impl Scene {
         fixtures
     }
 
-    /// Height above which there is nothing but objects, metres: the table's or the highest block's.
+    /// Height above which there is nothing but objects and what hangs over them, metres: the table's or the highest block's.
     pub fn highest_ground(&self) -> f64 {
-        self.blocks.iter().map(Block::highest).fold(self.table.height, f64::max)
+        self.blocks
+            .iter()
+            .filter(|block| !block.overhead)
+            .map(Block::highest)
+            .fold(self.table.height, f64::max)
     }
 
     /// Height of the level ground, the table or the highest block, on which something with an outline of `radius` metres about
@@ -230,6 +252,10 @@ impl Scene {
     pub fn ground(&self, x: f64, y: f64, radius: f64) -> Option<f64> {
         block::ground(&self.blocks, self.table.height, x, y, radius)
     }
+}
+
+fn is_zero(values: &[f64; 3]) -> bool {
+    *values == [0.0; 3]
 }
 
 /// Every one of `values` must be finite and within `low..=high`.
