@@ -221,7 +221,7 @@ fn animation(pictures: &[RgbImage]) -> Result<Vec<u8>> {
 
 /// All strips below each other, each with the object's name.
 pub fn sheet(strips: &[Strip]) -> RgbImage {
-    let columns = 1 + MOMENTS.len();
+    let columns = strips.iter().map(|strip| strip.pictures.len()).max().unwrap_or(0).max(1);
     let [width, height] = STRIP_SIZE.map(|n| n as u32);
     let mut cells = Vec::new();
     for strip in strips {
