@@ -286,12 +286,12 @@ mod tests {
         let slipped = begin().close(1.5).lift(0.06).lift(-0.09).lift(0.15).carried();
         assert_eq!(slipped, [true, true, true, false]);
         // A bar held weakly by its end turns until its other end lies against the palm, which carries it then.
-        let bar = object(Convex::Cuboid { half: [0.1, 0.02, 0.03].into() }, 0.6);
+        let bar = object(Convex::Cuboid { half: [0.1, 0.02, 0.031].into() }, 0.6);
         let palm = |alone| {
             let mut bench =
-                Bench::about(&bar, [0.07, 0.0301], 0.033, |criteria| criteria.fingers_alone = alone);
-            bench.force_n = 6.0;
-            bench.close(2.0).grip = Grip::Close { force_n: 5.0 };
+                Bench::about(&bar, [0.06, 0.0311], 0.033, |criteria| criteria.fingers_alone = alone);
+            bench.force_n = 7.5;
+            bench.close(2.0).grip = Grip::Close { force_n: 6.5 };
             bench.lift(0.15).carried()
         };
         assert_eq!(palm(false), [true; 4]);

@@ -277,4 +277,32 @@ mod tests {
         assert_eq!(judged(&wrong).0, Outcome::WrongObject);
         assert_eq!(judged(&ItemRecord::default()).0, Outcome::NotAttempted);
     }
+
+    /// A can that stands in the bin, let fall there by 4 cm: where it is, its blow, and whether it is packed.
+    #[test]
+    fn what_still_creeps_or_was_let_fall_hard_is_not_packed() {
+        let (setup, _) = crate::score::tests::empty();
+        let can = setup.library.load("005_tomato_soup_can").unwrap();
+        let outcome = |fall: f64, fragility, moved_m: f64| {
+            let mut model = (*can).clone();
+            model.info.fragility = fragility;
+            let (_, mut world) = crate::score::tests::empty();
+            let above = nalgebra::Isometry3::translation(0.0, 0.0, 0.052 + fall);
+            let at = setup.cell.scene.bin.world_from_bin() * above;
+            world.add_object(std::sync::Arc::new(model), &Pose::new(at)).unwrap();
+            world.reset_peaks();
+            world.settle(3.0);
+            let mut record = packed();
+            record.measures.packed_impulse_n_s = world.peak_impulse(0);
+            let (mut records, bodies) = ([record], Bodies::new(1));
+            let criteria = &setup.settings.success;
+            let scene = &setup.cell.scene;
+            finish(scene, (&world, &[moved_m]), criteria, (&mut records, &bodies), 1).remove(0).outcome
+        };
+        use grip_sim::objects::Fragility::{Fragile, Sturdy};
+        assert_eq!(outcome(0.001, Fragile, 0.001), Outcome::Packed);
+        assert_eq!(outcome(0.001, Fragile, 0.003), Outcome::PlacedOutside);
+        assert_eq!(outcome(0.04, Fragile, 0.001), Outcome::Harmed);
+        assert_eq!(outcome(0.04, Sturdy, 0.001), Outcome::Packed);
+    }
 }
