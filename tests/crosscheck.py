@@ -1,7 +1,7 @@
 """Tries the grasps of a sweep again in MuJoCo and tells how far the two worlds agree.
 
     grip sweep --motions --out runs/sweep
-    python3 tests/crosscheck.py runs/sweep [--limit N] [--jobs J] [--nudge MM] [--out FILE]
+    python3 tests/crosscheck.py runs/sweep [--limit N] [--jobs J] [--nudge MM] [--out FILE] [--sweep-out DIR]
 
 The hand is a body that goes where the sweep's motions say; fingers, object and table are MuJoCo's: its contacts, friction and solver, on
 the convex pieces, masses and frictions of `mjcf/OBJECT.xml`. The same clauses decide, with the sweep's settings: both fingers pressed from opposite sides, lifted by
@@ -279,6 +279,7 @@ def main():
     parser.add_argument("--nudge", type=float, default=0.0, metavar="MM", help="shift the object by so much")
     parser.add_argument("--least", type=float, metavar="SHARE", help="fail where fewer agree")
     parser.add_argument("--out", type=Path, help="write both outcomes of each grasp, JSON lines")
+    parser.add_argument("--sweep-out", type=Path, metavar="DIR", help="write a sweep with MuJoCo's outcomes, for `grip report`")
     args = parser.parse_args()
     try:
         settings = json.loads((args.sweep / "sweep.json").read_text())["settings"]
@@ -302,6 +303,12 @@ def main():
             for line, other in zip(lines, theirs)
         ]
         args.out.write_text("\n".join(rows) + "\n")
+
+    if args.sweep_out:
+        args.sweep_out.mkdir(parents=True, exist_ok=True)
+        (args.sweep_out / "sweep.json").write_bytes((args.sweep / "sweep.json").read_bytes())
+        rows = [{k: v for k, v in line.items() if k != "motion"} | {"outcome": other} for line, other in zip(lines, theirs)]
+        (args.sweep_out / "grasps.jsonl").write_text("".join(json.dumps(row) + "\n" for row in rows))
 
     print(f"{'object':24}{'grasps':>8}{'both':>7}{'neither':>9}{'ours':>6}{'MuJoCo':>8}{'agree %':>9}{'kappa':>7}")
     for name in [*sorted({line["object"] for line in lines}), None]:

@@ -1,7 +1,5 @@
 //! Scenes and grasps in MuJoCo: files that it reads, and a second opinion on what holds.
 
-use std::fs;
-
 use crate::common::{self, code, grip, stderr};
 
 #[test]
@@ -21,8 +19,7 @@ fn a_scene_that_is_exported_is_at_rest_in_mujoco() {
 #[test]
 fn mujoco_agrees_on_most_grasps() {
     let folder = tempfile::tempdir().unwrap();
-    let (sweep, settings) = (folder.path().join("sweep"), folder.path().join("even.toml"));
-    fs::write(&settings, "[physics.fingers]\npads = \"even\"\n").unwrap();
+    let sweep = folder.path().join("sweep");
     let made = grip(&[
         "sweep",
         "005_tomato_soup_can",
@@ -34,8 +31,6 @@ fn mujoco_agrees_on_most_grasps() {
         "--axes",
         "x,y,yaw",
         "--motions",
-        "--settings",
-        settings.to_str().unwrap(),
         "--out",
         sweep.to_str().unwrap(),
     ]);
