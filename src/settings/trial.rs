@@ -76,6 +76,9 @@ pub struct BeliefSettings {
     pub calibration_m: f64,
     /// and its orientation, radians, 0 to 0.3. Default 0.
     pub calibration_rad: f64,
+    /// Of an item in the bin at least this share must be within the picture for its estimated pose to be believed; else it is where it was
+    /// put; 0 to 1. Default 0.9.
+    pub in_view: f64,
     /// An item in the bin is not believed to have moved farther than this from where it was put, metres; 0 to 1. Default 0.12.
     pub moved_in_bin_m: f64,
     /// An estimated centre up to so far above the edge of the bin's walls is in the bin, metres; 0 to 1. Default 0.1.
@@ -89,6 +92,7 @@ impl Default for BeliefSettings {
             follow: false,
             calibration_m: 0.0,
             calibration_rad: 0.0,
+            in_view: 0.9,
             moved_in_bin_m: 0.12,
             over_bin_m: 0.1,
         }
@@ -102,6 +106,7 @@ impl BeliefSettings {
         within("least_confidence", self.least_confidence, 0.0, 1.0)?;
         within("calibration_m", self.calibration_m, 0.0, 0.1)?;
         within("calibration_rad", self.calibration_rad, 0.0, 0.3)?;
+        within("in_view", self.in_view, 0.0, 1.0)?;
         within("moved_in_bin_m", self.moved_in_bin_m, 0.0, 1.0)?;
         within("over_bin_m", self.over_bin_m, 0.0, 1.0)
     }

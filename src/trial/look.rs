@@ -5,7 +5,8 @@ use grip_perception::PosePosterior;
 use grip_physics::World;
 use grip_sim::frame::CameraFrame;
 use grip_sim::images::LabelImage;
-use grip_sim::pose::{Object, Pose, World as WorldFrame};
+use grip_sim::objects::ObjectModel;
+use grip_sim::pose::{Camera, Object, Pose, World as WorldFrame};
 use grip_sim::render::{Instance, RenderScene};
 use nalgebra::Point3;
 
@@ -26,6 +27,18 @@ pub struct Seen {
     pub estimates: Estimates,
     /// ADD and ADD-S of those estimates by object, metres; for the score alone.
     pub(super) errors: Vec<Option<(f64, f64)>>,
+}
+
+/// Share of an object's vertices that the picture would hold, hidden ones too.
+fn share_in_view(frame: &CameraFrame, model: &ObjectModel, camera_from_object: &Pose<Camera, Object>) -> f64 {
+    let k = &frame.intrinsics;
+    let (width, height) = (k.width as f64 - 0.5, k.height as f64 - 0.5);
+    let positions = &model.visual.mesh.positions;
+    let inside = positions.iter().filter(|p| {
+        let seen = k.project(&camera_from_object.transform_point(&p.cast()));
+        seen.is_some_and(|at| (-0.5..width).contains(&at.x) && (-0.5..height).contains(&at.y))
+    });
+    inside.count() as f64 / positions.len().max(1) as f64
 }
 
 impl Trial<'_> {
@@ -160,7 +173,7 @@ impl Trial<'_> {
     }
 
     /// Corrects where items lie in the bin: things tip over when they are let go, and the next place is planned around them.
-    /// A pose that is not confident, not in the bin, or far from where the item was put is not taken.
+    /// A pose that is not confident, not in the bin, far from where the item was put or partly out of the picture is not taken.
     fn correct_places(&mut self, frame: &CameraFrame, estimates: &Estimates) {
         let settings = &self.setup.settings.belief;
         for (i, posterior) in estimates {
@@ -171,7 +184,11 @@ impl Trial<'_> {
             let moved = record
                 .believed_packed
                 .map_or(f64::INFINITY, |put| (put.translation() - centre.coords).norm());
-            if posterior.confidence >= settings.least_confidence
+            let model = &self.setup.models[*i];
+            let sure = matches!(self.estimator, Estimator::Truth)
+                || share_in_view(frame, model, &posterior.best) >= settings.in_view;
+            if sure
+                && posterior.confidence >= settings.least_confidence
                 && moved < settings.moved_in_bin_m
                 && self.setup.cell.scene.bin.contains(&centre, settings.over_bin_m)
             {
