@@ -207,7 +207,8 @@ impl Setup {
         self.camera.capture(world, &world_from_camera, &self.condition, renderer, shot)
     }
 
-    /// The same, by one who looks at depth alone: what is black in it costs no light.
+    /// The same, by one who looks at depth alone: its picture is black, since light costs most of the work, but where the depth camera
+    /// needs it.
     pub(crate) fn capture_depth(
         &self,
         world: &World,
@@ -215,8 +216,11 @@ impl Setup {
         shot: usize,
     ) -> Result<CameraFrame> {
         let world_from_camera = self.cell.world_from_camera(world.joints());
-        let dark = Condition { lighting: Lighting::default(), ..self.condition.clone() };
-        Ok(self.camera.capture(world, &world_from_camera, &dark, renderer, shot)?.0)
+        let mut condition = self.condition.clone();
+        if !self.camera.sensors.depth.needs_light() {
+            condition.lighting = Lighting::default();
+        }
+        Ok(self.camera.capture(world, &world_from_camera, &condition, renderer, shot)?.0)
     }
 
     /// The name of object `i`; of a further one of its kind with a number behind it.

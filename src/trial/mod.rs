@@ -264,8 +264,8 @@ impl<'a> Trial<'a> {
     }
 
     /// Plans for the first open object that can be packed, first what can be picked without a risk in each tier of the
-    /// picking order; with [`Risk::Averse`] that alone, of what nothing lies on, and what cannot be packed as it lies is put aside. What
-    /// is passed over is told why.
+    /// picking order. With [`Risk::Averse`] only of what nothing lies on, and what cannot be packed as it lies is put aside; with
+    /// [`Risk::Tolerant`] what that did not find. What is passed over is told why.
     pub fn choose(&mut self, belief: &Belief, seen: &Seen, risk: Risk) -> Option<Choice> {
         let open = self.open_items();
         let mut order = self.planner.pick_order(&belief.scene);
@@ -281,14 +281,17 @@ impl<'a> Trial<'a> {
             };
             self.records[i].pass_over(outcome, Stage::Look, reason);
         }
+        let mut tiers = order.into_iter().filter(|tier| !tier.is_empty());
+        let free = tiers.next()?;
+        let any =
+            |trial: &mut Self, tier: &[usize], risk| tier.iter().find_map(|&b| trial.plan(belief, b, risk));
+        let choice = any(self, &free, risk);
         if risk == Risk::Averse {
-            let free = order.into_iter().find(|tier| !tier.is_empty())?;
-            let packed = free.iter().find_map(|&b| self.plan(belief, b, risk));
-            return packed.or_else(|| free.iter().find_map(|&b| self.plan_aside(belief, b)));
+            return choice.or_else(|| free.iter().find_map(|&b| self.plan_aside(belief, b)));
         }
-        order.iter().find_map(|tier| {
-            let mut plan = |risk| tier.iter().find_map(|&b| self.plan(belief, b, risk));
-            plan(Risk::Averse).or_else(|| plan(Risk::Tolerant))
+        choice.or_else(|| {
+            let risks = [Risk::Averse, Risk::Tolerant];
+            tiers.find_map(|tier| risks.into_iter().find_map(|risk| any(self, &tier, risk)))
         })
     }
 

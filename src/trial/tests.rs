@@ -118,3 +118,17 @@ fn what_is_too_crowded_is_pushed_apart_and_packed() {
     let (none, without) = packed(0);
     assert!(pushes >= 1 && none == 0 && with >= without + 3, "{pushes} pushes: {with}, without {without}");
 }
+
+/// True poses are not read off a picture: its light may go, but not what depth is made of.
+#[test]
+fn a_picture_for_depth_alone_has_the_same_depth() {
+    for noise in ["carmine-109", "fetch-head", "d435"] {
+        let mut setup = Setup::load(&SetupOptions::default()).unwrap();
+        setup.camera.sensors = setup.settings.sensor.sensors(noise).unwrap();
+        let (world, _) = setup.drop_objects().unwrap();
+        let mut renderer = open(RendererChoice::Cpu).unwrap();
+        let lit = setup.capture(&world, renderer.as_mut(), 0).unwrap().0;
+        let dark = setup.capture_depth(&world, renderer.as_mut(), 0).unwrap();
+        assert_eq!(lit.depth, dark.depth, "{noise}");
+    }
+}

@@ -43,6 +43,11 @@ impl Default for DepthNoise {
 }
 
 impl DepthNoise {
+    /// Whether what is lost depends on the texture of what is seen, and so on its light.
+    pub fn needs_light(&self) -> bool {
+        matches!(self, Self::Matched(matcher) if matcher.flat_lost > 0.0)
+    }
+
     /// The names that [`DepthNoise::from_name`] knows.
     pub const NAMES: [&str; 9] = [
         "none",
