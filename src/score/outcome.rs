@@ -195,7 +195,7 @@ pub struct ItemResult {
     /// Largest normal force by any one body on the object during its attempts, newtons.
     pub peak_force_n: f64,
     /// Largest blow on the object by everything but the fingers in the whole trial, newton seconds: normal impulse within 21 ms beyond
-    /// that of the 21 ms before.
+    /// that of the 21 ms before and of the 21 ms after.
     pub peak_impulse_n_s: f64,
     /// What it takes unharmed: its momentum after the fall that its fragility allows, newton seconds.
     pub harmless_impulse_n_s: f64,

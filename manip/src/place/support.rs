@@ -144,4 +144,38 @@ mod tests {
         assert_eq!(borne(&map, [0.0, 0.0]), Support::Stands);
         assert_eq!(borne(&map, [-3.0, -3.0]), Support::Stands);
     }
+
+    #[test]
+    fn what_bears_an_object_reaches_beyond_its_centre_and_where_it_tips_it_falls_little() {
+        let model = box_model("tray", [0.17, 0.17, 0.02]);
+        let profile = Profile::new(&model.visual.mesh, &Isometry3::identity(), 0.01);
+        let belief = empty_scene();
+        // A cap of 3 by 3 cells, 0.1 m above the floor, on what is `deep` below it.
+        let borne = |margin: f64, deep: f64| {
+            let mut map = HeightMap::flat([-0.095, -0.095], [19, 19], 0.01, 0.1 - deep);
+            let owner = vec![None; map.heights.len()];
+            for (x, y) in (8..=10).flat_map(|x| [(x, 8), (x, 9), (x, 10)]) {
+                map.heights[x + y * 19] = 0.1;
+            }
+            let (center, directions) = (Vector2::zeros(), directions());
+            let needed = needed(&profile, &center, &directions, margin / 0.01);
+            let check = SupportCheck {
+                model: &model,
+                center,
+                directions,
+                belief: &belief,
+                owner: &owner,
+                gap: 0.006,
+                needed,
+                tip_fall: 0.04,
+            };
+            check.support(&profile, &map, 0.11, |o| ((o[0] + 9) + (o[1] + 9) * 19) as usize)
+        };
+        assert_eq!(borne(0.01, 0.1), Support::Stands);
+        assert_eq!(borne(0.015, 0.1), Support::None);
+        assert_eq!(borne(0.015, 0.05), Support::None);
+        assert_eq!(borne(0.015, 0.03), Support::Tips);
+        // Half as far as the object reaches is enough, however much is asked for: here 4 cells.
+        assert_eq!(borne(0.1, 0.0), Support::Stands);
+    }
 }

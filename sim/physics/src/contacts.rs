@@ -84,7 +84,7 @@ pub struct ObjectContacts {
     pub support_force: f64,
     /// Largest normal force by any one body, newtons.
     pub largest_force: f64,
-    /// Sum of the magnitudes of the normal forces by everything but the fingers, newtons.
+    /// Sum of the magnitudes of the normal forces by everything but the fingers, each body's as one, newtons.
     pub blow_force: f64,
     /// Objects that press this one down, and with how many newtons each.
     pub loads: Vec<(usize, f64)>,
@@ -94,6 +94,8 @@ pub struct ObjectContacts {
     pub fixtures: Vec<usize>,
     /// Whether a robot link other than a finger touches it.
     pub link: bool,
+    /// Normal force by each body, over all pieces of both, newtons, world frame.
+    by_body: Vec<(Body, Vector3<f64>)>,
 }
 
 impl ObjectContacts {
@@ -180,6 +182,9 @@ impl Contacts {
                 }
             }
         }
+        for object in &mut contacts.objects {
+            object.sum_up();
+        }
         contacts.link_force =
             links.into_iter().map(|(link, f)| (f.norm(), link)).max_by(|a, b| a.0.total_cmp(&b.0));
         contacts
@@ -187,31 +192,37 @@ impl Contacts {
 }
 
 impl ObjectContacts {
+    /// Adds what one piece of `other` does to one of the object's.
     fn add(&mut self, other: Body, contact: &FingerContact) {
-        let force = contact.force;
-        let newtons = force.norm();
-        self.largest_force = self.largest_force.max(newtons);
-        if !matches!(other, Body::Finger(_)) {
-            self.blow_force += newtons;
+        match self.by_body.iter_mut().find(|(body, _)| *body == other) {
+            Some((_, force)) => *force += contact.force,
+            None => self.by_body.push((other, contact.force)),
         }
-        match other {
-            Body::Finger(side) => self.fingers[side].add(contact),
-            Body::Link(_) => self.link = true,
-            Body::Fixture(i) => {
-                self.support_force += newtons;
-                if !self.fixtures.contains(&i) {
+        if let Body::Finger(side) = other {
+            self.fingers[side].add(contact);
+        }
+    }
+
+    /// What all bodies do together.
+    fn sum_up(&mut self) {
+        for &(body, force) in &self.by_body {
+            let newtons = force.norm();
+            self.largest_force = self.largest_force.max(newtons);
+            if !matches!(body, Body::Finger(_)) {
+                self.blow_force += newtons;
+            }
+            match body {
+                Body::Finger(_) => {}
+                Body::Link(_) => self.link = true,
+                Body::Fixture(i) => {
+                    self.support_force += newtons;
                     self.fixtures.push(i);
                 }
-            }
-            Body::Object(i) => {
-                self.support_force += newtons;
-                if !self.objects.contains(&i) {
+                Body::Object(i) => {
+                    self.support_force += newtons;
                     self.objects.push(i);
-                }
-                if force.z < 0.0 {
-                    match self.loads.iter_mut().find(|(other, _)| *other == i) {
-                        Some((_, load)) => *load -= force.z,
-                        None => self.loads.push((i, -force.z)),
+                    if force.z < 0.0 {
+                        self.loads.push((i, -force.z));
                     }
                 }
             }

@@ -39,8 +39,8 @@ pub(crate) struct ObjectBody {
     pub body: RigidBodyHandle,
     /// Largest normal force by any one body since the last reset, newtons.
     pub peak_force: f64,
-    /// Normal impulses by everything but the fingers in the last steps, newton seconds, the newest anywhere: twice as many as a blow
-    /// lasts.
+    /// Normal impulses by everything but the fingers in the last steps, newton seconds, the newest anywhere: three times as many as a
+    /// blow lasts.
     recent: Vec<f64>,
     /// Largest blow since the last reset, newton seconds.
     pub peak_impulse: f64,
@@ -48,14 +48,12 @@ pub(crate) struct ObjectBody {
     radius: f64,
 }
 
-impl ObjectBody {
-    /// Impulse of the last steps beyond that of as many before, newton seconds; `newest` is the place of the last one.
-    fn blow(&self, newest: usize) -> f64 {
-        let all = self.recent.len();
-        let sum =
-            |ago: std::ops::Range<usize>| ago.map(|k| self.recent[(newest + all - k) % all]).sum::<f64>();
-        sum(0..all / 2) - sum(all / 2..all)
-    }
+/// Impulse within a blow's time beyond that of as many steps before and after, newton seconds, of the `recent` steps; `newest` is the
+/// place of the last one.
+fn blow(recent: &[f64], newest: usize) -> f64 {
+    let all = recent.len();
+    let sum = |ago: std::ops::Range<usize>| ago.map(|k| recent[(newest + all - k) % all]).sum::<f64>();
+    sum(all / 3..2 * all / 3) - sum(0..all / 3).max(sum(2 * all / 3..all))
 }
 
 /// Everything that physics moves, and the truth about it.
@@ -224,7 +222,7 @@ impl World {
             model,
             body,
             peak_force: 0.0,
-            recent: vec![0.0; 2 * objects.blow_steps],
+            recent: vec![0.0; 3 * objects.blow_steps],
             peak_impulse: 0.0,
             radius: half[1],
         });
@@ -276,7 +274,7 @@ impl World {
             object.peak_force = object.peak_force.max(contacts.largest_force);
             let newest = self.steps as usize % object.recent.len();
             object.recent[newest] += contacts.blow_force * share / f64::from(self.step_hz);
-            object.peak_impulse = object.peak_impulse.max(object.blow(newest));
+            object.peak_impulse = object.peak_impulse.max(blow(&object.recent, newest));
         }
     }
 
@@ -471,8 +469,9 @@ impl World {
     }
 
     /// Largest blow on object `index` since [`World::reset_peaks`], newton seconds: normal impulse by everything but the fingers within
-    /// [`ObjectSettings::blow_steps`](crate::ObjectSettings::blow_steps), 21 ms, beyond that of as many steps before, for what it bears
-    /// at rest is none.
+    /// [`ObjectSettings::blow_steps`](crate::ObjectSettings::blow_steps), 21 ms, beyond that of as many steps before and of as many
+    /// after. So it is the momentum that a fall or a knock loses; what the object bears at rest, or is pressed with by and by, is
+    /// none.
     pub fn peak_impulse(&self, index: usize) -> f64 {
         self.objects[index].peak_impulse
     }
@@ -587,4 +586,30 @@ fn tune(parameters: &mut IntegrationParameters, solver: &SolverSettings) {
     parameters.static_contact_softness = SpringCoefficients::new(solver.static_contact_hz as f32, damping);
     parameters.normalized_prediction_distance = solver.prediction_m as f32;
     parameters.normalized_contact_recycle_distance = solver.contact_recycle_m as f32;
+}
+
+#[cfg(test)]
+mod tests {
+    use super::blow;
+
+    #[test]
+    fn a_blow_is_what_comes_and_goes() {
+        let largest = |forces: &dyn Fn(usize) -> f64| {
+            let mut recent = [0.0; 15];
+            let largest = (0..100).map(|step| {
+                recent[step % 15] = forces(step);
+                blow(&recent, step % 15)
+            });
+            largest.fold(0.0, f64::max)
+        };
+        let (rest, knock) = (0.3, |step: usize| f64::from(u8::from((50..53).contains(&step))));
+        // Whatever it bears meanwhile, before, after, or from then on.
+        assert!((largest(&knock) - 3.0).abs() < 1e-12);
+        assert!((largest(&|step| rest + knock(step)) - 3.0).abs() < 1e-12);
+        assert!((largest(&|step| if step < 50 { 0.0 } else { rest } + knock(step)) - 3.0).abs() < 1e-12);
+        // Pressing harder, for good or for longer than a blow lasts, is none.
+        assert!(largest(&|step| if step < 50 { rest } else { 3.0 }) < 1e-12);
+        assert!(largest(&|step| 0.1 * step as f64) < 1e-12);
+        assert!(largest(&|step| if (40..60).contains(&step) { 3.0 } else { rest }) < 1e-12);
+    }
 }
