@@ -11,6 +11,7 @@
 //! | `world` | [`World`]: building, stepping, truth, state hash |
 //! | `robot_body` | links, fingers, servo model and grip law |
 //! | `contacts` | contact forces of the last step, by who touches whom |
+//! | `faces` | hulls that touch with their whole faces |
 //! | `pads` | what a soft pad's patch holds |
 //! | `placement` | dropping objects on the table from a seed |
 //! | `settings` | the numbers that decide results |
@@ -20,6 +21,7 @@
 mod closed_forms;
 mod contacts;
 mod error;
+mod faces;
 mod pads;
 mod placement;
 mod robot_body;

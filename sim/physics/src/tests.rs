@@ -406,6 +406,27 @@ fn every_object_put_down_upright_comes_to_rest() {
     }
 }
 
+/// Faces of many corners touch as a whole: what stands on one does not rock from corner to corner.
+#[test]
+fn a_bottle_on_a_can_comes_to_rest() {
+    let table = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scenes/objects.toml");
+    let library = ObjectLibrary::open(&table, ObjectSet::BuiltIn).unwrap();
+    let (can, bottle) =
+        (library.load("010_potted_meat_can").unwrap(), library.load("006_mustard_bottle").unwrap());
+    for k in 0..6 {
+        let (mut world, _) = world();
+        let turn = f64::from(k) * 0.26;
+        let half = [&can, &bottle].map(|model| model.size().z / 2.0);
+        world.add_object(can.clone(), &at(0.75, 0.0, TABLE + half[0] + 0.001)).unwrap();
+        let above =
+            Pose::from_xyz_rpy([0.752, 0.003, TABLE + 2.0 * half[0] + half[1] + 0.004], [0.0, 0.02, turn]);
+        world.add_object(bottle.clone(), &above).unwrap();
+        let settled = world.settle(8.0);
+        assert!(settled.at_rest, "turn {k}: {} m/s after 8 s", world.speed(1));
+        assert!(world.truth(1).translation().z > TABLE + 2.0 * half[0], "turn {k}: it has fallen");
+    }
+}
+
 /// Clutter is laid out in thick air and in coarse steps; what they hold still in must be true of the world that grasps happen in.
 #[test]
 fn clutter_laid_out_in_thick_air_stands_in_the_real_world() {

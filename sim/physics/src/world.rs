@@ -8,6 +8,7 @@ use sha2::{Digest, Sha256};
 
 use crate::contacts::{Body, Contacts, ObjectContacts};
 use crate::error::{Error, Result};
+use crate::faces::whole_faces;
 use crate::pads::{self, EvenPads};
 use crate::robot_body::{Grip, RobotBody, Stop, fixture_groups, object_groups};
 use crate::settings::{PhysicsSettings, SolverSettings};
@@ -207,7 +208,7 @@ impl World {
         for ((at, solid), mut mass) in solids.into_iter().zip(masses) {
             mass.set_mass(mass.mass() * density, true);
             self.physics.insert_collider(
-                ColliderBuilder::new(solid)
+                ColliderBuilder::new(whole_faces(solid))
                     .position(at)
                     .mass_properties(mass)
                     .friction(model.info.friction as f32)
