@@ -134,6 +134,11 @@ impl BeliefScene {
         self.fixtures.iter().any(|fixture| level_top(fixture, center).is_some())
     }
 
+    /// Whether a level box, such as the board of a shelf, is above something with its centre at `center`, however high.
+    pub fn is_under_board(&self, center: &Point3<f64>) -> bool {
+        self.fixtures.iter().any(|fixture| level_top(fixture, center).is_some_and(|top| top > center.z))
+    }
+
     /// What makes this belief unusable, if anything: a number that is not finite or an extent that is not positive.
     pub fn problem(&self) -> Option<String> {
         let bin = &self.bin;
@@ -207,7 +212,10 @@ mod tests {
         assert_eq!(ground(&scene, 0.35, 0.1), 0.0, "beside it");
         assert_eq!(ground(&scene, 0.25, 0.07), 0.0, "below its top");
         // A shelf above the step; a slope is no ground.
+        let at = Point3::new(0.6, 0.25, scene.table_height + 0.15);
+        assert!(!scene.is_under_board(&at));
         scene.fixtures.push(step(scene.table_height + 0.3, 0.0));
+        assert!(scene.is_under_board(&at) && !scene.is_under_board(&Point3::new(0.6, 0.35, at.z)));
         scene.fixtures.push(step(scene.table_height + 0.5, 0.3));
         assert!(
             (ground(&scene, 0.25, 0.4) - 0.34).abs() < 1e-9

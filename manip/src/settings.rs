@@ -192,6 +192,9 @@ pub struct LiftSettings {
     pub lean: f64,
     /// Directions tried for a lift that leans, 0 to 360. Default 8.
     pub lean_directions: usize,
+    /// Height straight up that is tried last, metres, 0.01 to 1. Default 0.04: under a board there is no room for more, and the way on
+    /// leads back out.
+    pub low: f64,
     /// Height over which a lifted object may still touch what it touched when it lay, metres, 0 to 0.5. Default 0.03: estimates
     /// overlap.
     pub leaving: f64,
@@ -199,7 +202,13 @@ pub struct LiftSettings {
 
 impl Default for LiftSettings {
     fn default() -> Self {
-        Self { heights: vec![0.20, 0.15, 0.25, 0.10], lean: 0.5, lean_directions: 8, leaving: 0.03 }
+        Self {
+            heights: vec![0.20, 0.15, 0.25, 0.10],
+            lean: 0.5,
+            lean_directions: 8,
+            low: 0.04,
+            leaving: 0.03,
+        }
     }
 }
 
@@ -213,6 +222,7 @@ impl LiftSettings {
             .numbers("heights", &self.heights, 0.01..=1.0, "metres")
             .number("lean", self.lean, 0.0..=1.4, "radians")
             .count("lean_directions", self.lean_directions, 0..=360)
+            .number("low", self.low, 0.01..=1.0, "metres")
             .number("leaving", self.leaving, 0.0..=0.5, "metres")
             .result()
     }

@@ -8,7 +8,7 @@ use nalgebra::{Isometry3, Vector3};
 
 use crate::belief::BeliefScene;
 use crate::collision::{CollisionBody, CollisionChecker, CollisionPair, CollisionQuery, HeldObject, Margins};
-use crate::grasp::{Grasp, GraspSettings, hand_may_touch, rank_grasps};
+use crate::grasp::{Grasp, GraspSettings, HandFrom, hand_may_touch, rank_grasps};
 use crate::pick::{Risk, snapped_to_ground};
 use crate::plan::{Action, PickPlacePlan, PlanStage, StepName};
 use crate::planner::Planner;
@@ -47,7 +47,8 @@ fn no_finger_closes_on_a_wall_that_is_between_it_and_the_object() {
     let ranked = |belief: &BeliefScene| {
         let checker = CollisionChecker::new(planner.robot().clone(), belief);
         let known = planner.grasps(&belief.objects[0].model);
-        rank_grasps(&known, belief, 0, &checker, &config.gripper, &GraspSettings::default()).0
+        rank_grasps(&known, belief, 0, HandFrom::Above, &checker, &config.gripper, &GraspSettings::default())
+            .0
     };
     let open = ranked(&belief);
     // As wide as the object, 4 mm thick, 15 mm beside it: a hand that is open straddles it.
@@ -129,43 +130,71 @@ fn plans_are_free_of_collision_at_every_control_point() {
     let shaking = Planner::new(model, config, PlannerSettings { shake: 0.02, ..PlannerSettings::default() });
     let all = (0..belief.objects.len()).map(|target| (planner(), target, 0)).chain([(&shaking, 0, 12)]);
     for (planner, target, shakes) in all {
-        let checker = CollisionChecker::new(planner.robot().clone(), &belief);
         let plan = plan_by(planner, &belief, target, 2);
         let names: Vec<StepName> = plan.steps.iter().map(|step| step.name).collect();
         assert_eq!(names.iter().filter(|name| **name == StepName::Shake).count(), shakes);
         let lower = names.iter().position(|name| *name == StepName::Lower).unwrap();
         assert_eq!(names[lower - 1], if shakes > 0 { StepName::Shake } else { StepName::Carry });
-        let model = &belief.objects[target].model;
-        let held = HeldObject::new(model, target, *plan.grasp.object_from_gripper.inverse().iso());
-        let touch = crate::grasp::hand_may_touch(planner.robot(), target);
-        let mut q = ready();
-        let mut opening = plan.grasp.opening;
-        for step in &plan.steps {
-            match &step.action {
-                Action::Gripper { width, .. } => opening = *width,
-                Action::Move { trajectory, holding, .. } => {
-                    for finger in planner.robot().fingers {
-                        q[finger] = 0.5 * opening;
-                    }
-                    for (i, point) in trajectory.points.iter().enumerate() {
-                        planner.solver().scatter(&point.q, &mut q);
-                        // The first 3 cm of a lift may touch what the object lies on.
-                        let leaving = step.name == StepName::Lift && i < trajectory.points.len() / 4;
-                        let near =
-                            matches!(step.name, StepName::Approach | StepName::Retreat | StepName::Lift);
-                        let query = CollisionQuery {
-                            held: (*holding && !leaving).then_some(&held),
-                            allowed: if near { &touch } else { &[] },
-                            margins: Margins { world: 0.0, own: 0.0, spread: 0.0 },
-                        };
-                        if let Some(pair) = checker.in_collision(&q, &query) {
-                            panic!("{} {:?} {i}: {}", plan.object, step.name, checker.describe(pair));
-                        }
+        replay(planner, &belief, target, &plan);
+    }
+}
+
+/// Fails where a motion of `plan` meets anything of `belief` that it must not meet.
+fn replay(planner: &Planner, belief: &BeliefScene, target: usize, plan: &PickPlacePlan) {
+    let checker = CollisionChecker::new(planner.robot().clone(), belief);
+    let model = &belief.objects[target].model;
+    let held = HeldObject::new(model, target, *plan.grasp.object_from_gripper.inverse().iso());
+    let touch = crate::grasp::hand_may_touch(planner.robot(), target);
+    let mut q = ready();
+    let mut opening = plan.grasp.opening;
+    for step in &plan.steps {
+        match &step.action {
+            Action::Gripper { width, .. } => opening = *width,
+            Action::Move { trajectory, holding, .. } => {
+                for finger in planner.robot().fingers {
+                    q[finger] = 0.5 * opening;
+                }
+                for (i, point) in trajectory.points.iter().enumerate() {
+                    planner.solver().scatter(&point.q, &mut q);
+                    // The first 3 cm of a lift may touch what the object lies on.
+                    let leaving = step.name == StepName::Lift && i < trajectory.points.len() / 4;
+                    let near = matches!(step.name, StepName::Approach | StepName::Retreat | StepName::Lift);
+                    let query = CollisionQuery {
+                        held: (*holding && !leaving).then_some(&held),
+                        allowed: if near { &touch } else { &[] },
+                        margins: Margins { world: 0.0, own: 0.0, spread: 0.0 },
+                    };
+                    if let Some(pair) = checker.in_collision(&q, &query) {
+                        panic!("{} {:?} {i}: {}", plan.object, step.name, checker.describe(pair));
                     }
                 }
             }
         }
     }
+}
+
+#[test]
+fn what_stands_under_a_board_is_taken_out_to_the_front() {
+    let mut belief = empty_scene();
+    belief.objects = vec![standing(&box_model("carton", [0.09, 0.05, 0.175]), 0.68, 0.12, 0.0)];
+    belief.fixtures.push(CollisionShape {
+        pose: Isometry3::translation(0.74, 0.12, belief.table_height + 0.25),
+        geometry: Convex::Cuboid { half: Vector3::new(0.15, 0.30, 0.01) },
+    });
+    let (model, config) = fetch();
+    // Of hands from above those that come nearly straight down, for which the board leaves no room.
+    let mut settings = PlannerSettings::default();
+    settings.grasp.least_down = 0.9;
+    let both = Planner::new(model.clone(), config.clone(), settings.clone());
+    let plan = plan_by(&both, &belief, 0, 1);
+    let approach = plan.grasp.world_from_gripper.transform_vector(&Vector3::x());
+    assert!(approach.x > 0.7, "{approach}");
+    replay(&both, &belief, 0, &plan);
+    // No approach leads straight down and level at once.
+    (settings.grasp.front_least_away, settings.grasp.front_least_down) = (1.0, 1.0);
+    let above = Planner::new(model, config, settings);
+    let failure = above.plan_pick_place(&belief, 0, &ready(), Risk::Tolerant, 1).err().map(|e| e.stage);
+    assert_eq!(failure, Some(PlanStage::NoGrasp));
 }
 
 #[test]

@@ -14,5 +14,6 @@ pub use contact::{PadContact, RayGrid, pad_contact};
 pub use grasp_set::{GraspFile, GraspPose, GraspSet, GraspSetError, read_poses};
 pub use grip_force::{GripForceSettings, grip_force};
 pub use object_grasps::{GraspCache, ObjectGrasps};
+pub use oriented::HandFrom;
 pub use rank::{Grasp, GraspCounters, hand_may_touch, rank_grasps};
 pub use settings::{AntipodalSettings, GraspSettings, GraspWeights};

@@ -1,4 +1,4 @@
-//! An object's grasps as they lie in the scene: from above, clear of the table, scored.
+//! An object's grasps as they lie in the scene: from above or from the front, clear of the table, scored.
 
 use std::borrow::Cow;
 
@@ -13,6 +13,16 @@ use super::settings::GraspSettings;
 use crate::belief::BeliefScene;
 use crate::surface::Surface;
 
+/// Where a hand comes from to what it grasps.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum HandFrom {
+    /// From above, as [`GraspSettings::least_down`] says.
+    Above,
+    /// From the robot's side, as [`GraspSettings::front_least_away`] and [`GraspSettings::front_least_down`] say: under a board there is
+    /// no room for an arm above the object.
+    Front,
+}
+
 /// A grasp with its score by its pose alone.
 pub(super) struct Scored<'a> {
     pub score: f64,
@@ -22,11 +32,12 @@ pub(super) struct Scored<'a> {
     pub world_from_gripper: Pose<World, Gripper>,
 }
 
-/// The grasps of object `target` that come from above and stay clear of what it stands on, best first.
+/// The grasps of object `target` whose hand comes `from` there and stays clear of what the object stands on, best first.
 pub(super) fn oriented<'a>(
     grasps: &'a ObjectGrasps,
     belief: &BeliefScene,
     target: usize,
+    from: HandFrom,
     gripper: &GripperConfig,
     settings: &GraspSettings,
 ) -> Vec<Scored<'a>> {
@@ -35,8 +46,22 @@ pub(super) fn oriented<'a>(
     let com = world_from_object.transform_point(&grasps.center_of_mass);
     let w = &settings.weights;
     let pad = gripper.pad_half_extents;
+    let base = belief.world_from_base.iso();
+    let away = (com - Point3::from(base.translation.vector)).xy();
+    let away = away.try_normalize(1e-6).map_or(base * Vector3::x(), |away| away.push(0.0));
+    // How much of the approach, in the world, goes the wanted way, and whether that is enough.
+    let along = |approach: &Vector3<f64>| match from {
+        HandFrom::Above => -approach.z,
+        HandFrom::Front => approach.dot(&away),
+    };
+    let comes = |approach: &Vector3<f64>| match from {
+        HandFrom::Above => along(approach) >= settings.least_down,
+        HandFrom::Front => {
+            along(approach) >= settings.front_least_away && -approach.z >= settings.front_least_down
+        }
+    };
 
-    // How far the open fingers of a grasp reach below where they may, metres; none for a grasp from the side or from below.
+    // How far the open fingers of a grasp reach below where they may, metres; none for a grasp from elsewhere.
     let too_low = |candidate: &GraspCandidate| {
         let world_from_gripper = world_from_object * candidate.object_from_gripper;
         let axis = |v: Vector3<f64>| world_from_gripper.transform_vector(&v);
@@ -48,16 +73,16 @@ pub(super) fn oriented<'a>(
             - side.z.abs() * pad.z;
         // The object may reach over the edge of what it lies on.
         let ground = belief.ground(&Point3::from(world_from_gripper.translation()));
-        (-approach.z >= settings.least_down).then_some(ground + settings.margin - low)
+        comes(&approach).then_some(ground + settings.margin - low)
     };
     let score = |candidate: &GraspCandidate| {
         let world_from_gripper = world_from_object * candidate.object_from_gripper;
-        let down = -world_from_gripper.transform_vector(&Vector3::x()).z;
+        let along = along(&world_from_gripper.transform_vector(&Vector3::x()));
         let center = world_from_gripper.transform_point(&Point3::new(candidate.contact_depth, 0.0, 0.0));
         let lever = (com - center).xy().norm();
         let sigma = 2.0 * object.position_std_m.max(0.001);
         let room = 0.5 * (gripper.opening - candidate.width);
-        let score = w.gravity * down
+        let score = w.gravity * along
             + w.lever * (1.0 - lever / settings.lever_scale).clamp(-1.0, 1.0)
             + w.room * (room / (3.0 * sigma)).min(1.0)
             + w.contact * (candidate.contact_share / settings.contact_full).min(1.0)
@@ -109,6 +134,10 @@ fn drawn_back(
     const SPARE: f64 = 2e-4;
     let pad = &gripper.pad_half_extents;
     let down = -(*world_from_object * candidate.object_from_gripper).transform_vector(&Vector3::x()).z;
+    // A level hand does not rise when it is drawn back.
+    if down <= 0.0 {
+        return None;
+    }
     let back = (by + SPARE) / down;
     if candidate.contact_depth + back > pad.x - settings.fingertips {
         return None;

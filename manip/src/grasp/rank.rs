@@ -7,7 +7,7 @@ use serde::Serialize;
 
 use super::antipodal::narrow_opening;
 use super::object_grasps::ObjectGrasps;
-use super::oriented::{Scored, oriented};
+use super::oriented::{HandFrom, Scored, oriented};
 use super::settings::GraspSettings;
 use crate::belief::BeliefScene;
 use crate::collision::{
@@ -49,7 +49,7 @@ pub fn hand_may_touch(robot: &RobotSolids, object: usize) -> Vec<CollisionPair> 
 pub struct GraspCounters {
     /// Antipodal candidates of the object.
     pub candidates: usize,
-    /// Of those, approached from above and clear of the table by their pose alone.
+    /// Of those, approached from where the hand is to come from and clear of the table by their pose alone.
     pub oriented: usize,
     /// Of those, tried with the hand's solids.
     pub tried: usize,
@@ -57,20 +57,31 @@ pub struct GraspCounters {
     pub free: usize,
 }
 
+impl GraspCounters {
+    /// Counts what a second look at the same candidates found, too.
+    pub(crate) fn add(&mut self, again: &Self) {
+        self.candidates = again.candidates;
+        self.oriented += again.oriented;
+        self.tried += again.tried;
+        self.free += again.free;
+    }
+}
+
 /// Distance of the pads between two checks while the hand closes, metres: a finger, which goes half as far, is thicker.
 const CLOSING_STEP: f64 = 0.01;
 
-/// The best free grasps of object `target`, best first, no two of them alike.
+/// The best free grasps of object `target` with a hand that comes `from` there, best first, no two of them alike.
 pub fn rank_grasps(
     grasps: &ObjectGrasps,
     belief: &BeliefScene,
     target: usize,
+    from: HandFrom,
     checker: &CollisionChecker,
     gripper: &GripperConfig,
     settings: &GraspSettings,
 ) -> (Vec<Grasp>, GraspCounters) {
     let base_from_world = belief.world_from_base.iso().inverse();
-    let scored = oriented(grasps, belief, target, gripper, settings);
+    let scored = oriented(grasps, belief, target, from, gripper, settings);
     let mut counters =
         GraspCounters { candidates: grasps.candidates.len(), oriented: scored.len(), ..Default::default() };
 

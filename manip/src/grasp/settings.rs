@@ -76,7 +76,8 @@ impl AntipodalSettings {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct GraspWeights {
-    /// Approach straight down. Default 1.0: the arm and the bin's walls favour it.
+    /// Approach straight down, or level and away from the robot where the hand comes from the front. Default 1.0: the arm and the bin's
+    /// walls favour the one, a board above the object the other.
     pub gravity: f64,
     /// Centre of mass between the pads ([`GraspSettings::lever_scale`]). Default 1.2: a lever lets the object turn.
     pub lever: f64,
@@ -141,6 +142,11 @@ impl GraspWeights {
 pub struct GraspSettings {
     /// Least downward part of the approach direction, -1 to 1. Default 0.17: up to 80 degrees from straight down.
     pub least_down: f64,
+    /// Where no grasp from above leads to a plan and a board is above the object, the hand comes from the front: least part of the approach direction that leads level
+    /// away from the robot's base, -1 to 1. Default 0: from the front or from beside, not from behind.
+    pub front_least_away: f64,
+    /// Least downward part of the approach direction of such a hand, -1 to 1. Default -0.1: level, by an estimate that is turned a little.
+    pub front_least_down: f64,
     /// Least distance of the hand from the table and other things at the grasp, metres, 0 to 0.1. Default 0.004.
     pub margin: f64,
     /// Share of the other objects' position spread that is added to that, 0 to 10. Default 0.5.
@@ -181,6 +187,8 @@ impl Default for GraspSettings {
     fn default() -> Self {
         Self {
             least_down: 0.17,
+            front_least_away: 0.0,
+            front_least_down: -0.1,
             margin: 0.004,
             spread_share: 0.5,
             standoff: 0.09,
@@ -208,6 +216,8 @@ impl GraspSettings {
     pub fn validate(&self) -> Result<(), String> {
         Ranges::default()
             .number("least_down", self.least_down, -1.0..=1.0, "a cosine")
+            .number("front_least_away", self.front_least_away, -1.0..=1.0, "a cosine")
+            .number("front_least_down", self.front_least_down, -1.0..=1.0, "a cosine")
             .number("margin", self.margin, 0.0..=0.1, "metres")
             .number("spread_share", self.spread_share, 0.0..=10.0, "a share")
             .number("standoff", self.standoff, 0.01..=0.5, "metres")

@@ -5,7 +5,7 @@ use nalgebra::{Isometry3, Vector3};
 use super::pick_place::{Attempt, Risk, joined};
 use crate::belief::BeliefScene;
 use crate::collision::{CollisionBody, CollisionChecker, CollisionQuery};
-use crate::grasp::{Grasp, rank_grasps};
+use crate::grasp::{Grasp, HandFrom, rank_grasps};
 use crate::motion::{CartesianPath, straight_line, translate};
 use crate::plan::{Action, GripperCommand, PlanFailure, PlanStage, PlanStep, StepName};
 use crate::planner::Planner;
@@ -23,7 +23,7 @@ pub struct GraspTest {
 }
 
 impl Planner {
-    /// The grasp that would be chosen for the belief's object `target` if it went anywhere: the best one that the arm reaches,
+    /// The grasp that would be chosen for the belief's object `target` if it went anywhere: the best one from above that the arm reaches,
     /// approaches and lifts without collision from around `q_now`; and the configuration at it. With `only`, that grasp of the
     /// object or none.
     ///
@@ -59,7 +59,7 @@ impl Planner {
                 let settings = &self.settings.grasp;
                 let gripper = &self.config.gripper;
                 let (grasps, counters) =
-                    rank_grasps(&known, belief, target, &attempt.checker, gripper, settings);
+                    rank_grasps(&known, belief, target, HandFrom::Above, &attempt.checker, gripper, settings);
                 attempt.counters.grasps = counters;
                 grasps
             }

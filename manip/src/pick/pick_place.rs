@@ -2,13 +2,13 @@
 
 use std::time::Instant;
 
-use grip_sim::pose::Pose;
+use grip_sim::pose::{Gripper, Object, Pose};
 use nalgebra::{Isometry3, Vector3};
 use rand_chacha::ChaCha8Rng;
 
 use crate::belief::{BeliefScene, BinGeometry};
 use crate::collision::{CollisionBody, CollisionChecker, CollisionPair, CollisionQuery, HeldObject};
-use crate::grasp::{Grasp, hand_may_touch, rank_grasps};
+use crate::grasp::{Grasp, HandFrom, ObjectGrasps, hand_may_touch, rank_grasps};
 use crate::motion::{CartesianPath, Trajectory, straight_line, translate};
 use crate::place::{PlacePose, PlaceSettings, place_poses};
 use crate::plan::{
@@ -162,26 +162,53 @@ impl<'a> Attempt<'a> {
     }
 
     fn plan(&mut self, rng: &mut ChaCha8Rng) -> Option<PickPlacePlan> {
+        let object = &self.belief.objects[self.target];
+        let known = self.planner.grasps(&object.model);
+        let (mut tried, mut places) = (Vec::new(), None);
+        for from in [HandFrom::Above, HandFrom::Front] {
+            let plan = self.plan_from(from, &known, &mut tried, &mut places, rng);
+            // These fail whatever the grasp.
+            let hopeless = matches!(self.failed.0, PlanStage::StartInCollision | PlanStage::NoPlacePose);
+            // In the open what is too crowded from above is so from the front, too.
+            let open = !self.belief.is_under_board(&object.world_from_object.translation().into());
+            if plan.is_some() || hopeless || open {
+                return plan;
+            }
+        }
+        None
+    }
+
+    /// With a hand that comes `from` there and grasps as none of `tried` did, to which its own are added. `places` are made on first use.
+    fn plan_from(
+        &mut self,
+        from: HandFrom,
+        known: &ObjectGrasps,
+        tried: &mut Vec<Pose<Object, Gripper>>,
+        places: &mut Option<Vec<PlacePose>>,
+        rng: &mut ChaCha8Rng,
+    ) -> Option<PickPlacePlan> {
         let planner = self.planner;
         let settings = &planner.settings;
-        let object = &self.belief.objects[self.target];
-        let known = planner.grasps(&object.model);
-        let (grasps, counters) = rank_grasps(
-            &known,
+        let (mut grasps, counters) = rank_grasps(
+            known,
             self.belief,
             self.target,
+            from,
             &self.checker,
             &planner.config.gripper,
             &settings.grasp,
         );
-        self.counters.grasps = counters;
+        self.counters.grasps.add(&counters);
         if counters.candidates == 0 {
             self.failed.1 = "the object has no antipodal grasp for this gripper".into();
         }
-        let mut places: Option<Vec<PlacePose>> = None;
         let averse = self.risk == Risk::Averse;
-        let ranked = grasps.into_iter().filter(|grasp| !averse || grasp.score >= settings.grasp.firm);
-        for grasp in ranked.take(settings.grasp_tries) {
+        grasps.retain(|grasp| {
+            (!averse || grasp.score >= settings.grasp.firm) && !tried.contains(&grasp.object_from_gripper)
+        });
+        grasps.truncate(settings.grasp_tries);
+        tried.extend(grasps.iter().map(|grasp| grasp.object_from_gripper));
+        for grasp in grasps {
             let Some(picked) = self.pick(grasp) else {
                 continue;
             };
@@ -328,7 +355,8 @@ impl<'a> Attempt<'a> {
             let lean = tallest * settings.lift.lean.tan();
             Vector3::new(lean * azimuth.cos(), lean * azimuth.sin(), tallest)
         });
-        up.chain(aside).find_map(|way| {
+        let low = std::iter::once(Vector3::z() * settings.lift.low);
+        up.chain(aside).chain(low).find_map(|way| {
             let path = translate(&self.planner.solver, closed, way, |gone, q| {
                 let query = if gone < settings.lift.leaving { &leaving } else { &rising };
                 self.checker.in_collision(q, query)
