@@ -192,8 +192,7 @@ pub struct LiftSettings {
     pub lean: f64,
     /// Directions tried for a lift that leans, 0 to 360. Default 8.
     pub lean_directions: usize,
-    /// Height straight up that is tried last, metres, 0.01 to 1. Default 0.04: under a board there is no room for more, and the way on
-    /// leads back out.
+    /// Height straight up that is tried last under a board, metres, 0.01 to 1. Default 0.04: the way on leads back out.
     pub low: f64,
     /// Height over which a lifted object may still touch what it touched when it lay, metres, 0 to 0.5. Default 0.03: estimates
     /// overlap.

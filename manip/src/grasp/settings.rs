@@ -142,8 +142,9 @@ impl GraspWeights {
 pub struct GraspSettings {
     /// Least downward part of the approach direction, -1 to 1. Default 0.17: up to 80 degrees from straight down.
     pub least_down: f64,
-    /// Where no grasp from above leads to a plan and a board is above the object, the hand comes from the front: least part of the approach direction that leads level
-    /// away from the robot's base, -1 to 1. Default 0: from the front or from beside, not from behind.
+    /// Where no grasp from above leads to a plan and a board is above the object, the hand comes from the front: least part of the
+    /// approach direction that leads level away from the robot's base, -1 to 1. Default 0: from the front or from beside, not from
+    /// behind.
     pub front_least_away: f64,
     /// Least downward part of the approach direction of such a hand, -1 to 1. Default -0.1: level, by an estimate that is turned a little.
     pub front_least_down: f64,

@@ -170,12 +170,16 @@ impl<'a> Attempt<'a> {
             // These fail whatever the grasp.
             let hopeless = matches!(self.failed.0, PlanStage::StartInCollision | PlanStage::NoPlacePose);
             // In the open what is too crowded from above is so from the front, too.
-            let open = !self.belief.is_under_board(&object.world_from_object.translation().into());
-            if plan.is_some() || hopeless || open {
+            if plan.is_some() || hopeless || !self.under_board() {
                 return plan;
             }
         }
         None
+    }
+
+    /// Whether the board of a shelf is above the object.
+    fn under_board(&self) -> bool {
+        self.belief.is_under_board(&self.belief.objects[self.target].world_from_object.translation().into())
     }
 
     /// With a hand that comes `from` there and grasps as none of `tried` did, to which its own are added. `places` are made on first use.
@@ -355,7 +359,8 @@ impl<'a> Attempt<'a> {
             let lean = tallest * settings.lift.lean.tan();
             Vector3::new(lean * azimuth.cos(), lean * azimuth.sin(), tallest)
         });
-        let low = std::iter::once(Vector3::z() * settings.lift.low);
+        // Only there does a lower one help.
+        let low = self.under_board().then(|| Vector3::z() * settings.lift.low);
         up.chain(aside).chain(low).find_map(|way| {
             let path = translate(&self.planner.solver, closed, way, |gone, q| {
                 let query = if gone < settings.lift.leaving { &leaving } else { &rising };
