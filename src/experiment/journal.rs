@@ -4,11 +4,15 @@
 use std::fs::{File, OpenOptions, TryLockError};
 use std::io::{Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
 
 use anyhow::{Context, Result, bail};
 use grip_sim::bop;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
+
+/// How long another run's lock is waited for: one that was killed has it until the system has cleared it away, which takes seconds.
+const LOCK_WAIT: Duration = Duration::from_secs(15);
 
 /// A file of results that this process alone appends to.
 #[derive(Debug)]
@@ -25,6 +29,10 @@ impl Journal {
     /// # Errors
     /// When another process has it open, or it cannot be read or written, or a line but the last is damaged.
     pub fn open<T: DeserializeOwned>(path: &Path) -> Result<(Self, Vec<T>)> {
+        Self::open_within(LOCK_WAIT, path)
+    }
+
+    fn open_within<T: DeserializeOwned>(wait: Duration, path: &Path) -> Result<(Self, Vec<T>)> {
         let cannot = || format!("{}: cannot be written; check permissions", path.display());
         let mut file = OpenOptions::new()
             .read(true)
@@ -33,7 +41,13 @@ impl Journal {
             .truncate(false)
             .open(path)
             .with_context(cannot)?;
-        match file.try_lock() {
+        let mut lock = file.try_lock();
+        let until = Instant::now() + wait;
+        while matches!(lock, Err(TryLockError::WouldBlock)) && Instant::now() < until {
+            std::thread::sleep(wait / 40);
+            lock = file.try_lock();
+        }
+        match lock {
             Ok(()) => {}
             Err(TryLockError::WouldBlock) => {
                 bail!(
@@ -155,10 +169,16 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("j.jsonl");
         let first = Journal::open::<u32>(&path).unwrap();
-        let error = Journal::open::<u32>(&path).unwrap_err().to_string();
+        let wait = Duration::from_millis(200);
+        let error = Journal::open_within::<u32>(wait, &path).unwrap_err().to_string();
         assert!(error.contains("another run"), "{error}");
-        drop(first);
+        // One that is about to go is waited for.
+        let going = std::thread::spawn(move || {
+            std::thread::sleep(wait / 2);
+            drop(first);
+        });
         Journal::open::<u32>(&path).unwrap();
+        going.join().unwrap();
     }
 
     #[test]

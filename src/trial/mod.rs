@@ -6,6 +6,7 @@
 //! | `look` | looking: frames, estimates, a second view |
 //! | `port` | the robot port over the physics world, and the score's window on it |
 //! | `belief` | what the robot believes after a look |
+//! | `choose` | what is to be done next: pick, put aside or push |
 //! | `film` | pictures of a trial from outside |
 //! | `report` | report.html |
 //! | `bop` | what the camera saw, as a BOP data set |
@@ -14,6 +15,7 @@
 
 mod belief;
 pub mod bop;
+mod choose;
 pub mod film;
 mod look;
 mod port;
@@ -26,7 +28,7 @@ use std::time::Instant;
 
 use anyhow::{Context, Result, ensure};
 use grip_manip::executor::{ExecutionReport, execute, execute_motion, execute_steps, release_in_place};
-use grip_manip::{PickPlacePlan, PlanStage, PlanStep, Planner, Risk};
+use grip_manip::{PickPlacePlan, PlanStep, Planner, Risk};
 use grip_physics::World;
 use grip_sim::images::RgbImage;
 use grip_sim::pose::{Camera, Object, Pose, World as WorldFrame};
@@ -34,6 +36,7 @@ use grip_sim::render::Renderer;
 use nalgebra::Point3;
 
 use self::belief::Belief;
+pub use self::choose::Choice;
 use self::film::{Film, Strip};
 pub use self::look::Seen;
 use self::port::TrialObserver;
@@ -42,7 +45,7 @@ use self::report::LookPictures;
 use crate::estimators::{Estimates, Estimator};
 use crate::progress::Progress;
 use crate::scenario::Scenario;
-use crate::score::outcome::{ItemTiming, Measures, Outcome, Stage, TRIAL_SCHEMA, Timing, TrialResult};
+use crate::score::outcome::{ItemTiming, Measures, Outcome, TRIAL_SCHEMA, Timing, TrialResult};
 use crate::score::record::{ItemRecord, failure_of, finish};
 use crate::score::{self, Bodies, GraspMonitor, JointLog, Location};
 use crate::setup::Setup;
@@ -120,16 +123,6 @@ pub struct Trial<'a> {
     handled: Option<(usize, Vec<Location>)>,
     /// How often something was pushed.
     pushes: u32,
-}
-
-/// What is to be done next.
-pub struct Choice {
-    /// The object, a position in the setup's list.
-    pub object: usize,
-    /// How.
-    pub plan: PickPlacePlan,
-    /// Whether it goes to another place on the table only.
-    pub aside: bool,
 }
 
 /// An attempt at an object that has been made.
@@ -263,82 +256,6 @@ impl<'a> Trial<'a> {
         belief
     }
 
-    /// Plans for the first open object that can be packed, first what can be picked without a risk in each tier of the
-    /// picking order. With [`Risk::Averse`] only of what nothing lies on, and what cannot be packed as it lies is put aside; with
-    /// [`Risk::Tolerant`] what that did not find. What is passed over is told why.
-    pub fn choose(&mut self, belief: &Belief, seen: &Seen, risk: Risk) -> Option<Choice> {
-        let open = self.open_items();
-        let mut order = self.planner.pick_order(&belief.scene);
-        order.iter_mut().for_each(|tier| tier.retain(|&b| open.contains(&belief.index[b])));
-        let targets: Vec<usize> = order.iter().flatten().map(|&b| belief.index[b]).collect();
-        for &i in open.iter().filter(|i| !targets.contains(i)) {
-            let (outcome, reason) = if belief.index.contains(&i) {
-                (Outcome::NotGrasped, "fell into the bin while another item was handled".to_owned())
-            } else {
-                let of = seen.estimates.iter().find(|(object, _)| *object == i);
-                let confidence = of.map_or(0.0, |(_, posterior)| posterior.confidence);
-                (Outcome::NotPerceived, format!("confidence {confidence:.2}"))
-            };
-            self.records[i].pass_over(outcome, Stage::Look, reason);
-        }
-        let mut tiers = order.into_iter().filter(|tier| !tier.is_empty());
-        let free = tiers.next()?;
-        let any =
-            |trial: &mut Self, tier: &[usize], risk| tier.iter().find_map(|&b| trial.plan(belief, b, risk));
-        let choice = any(self, &free, risk);
-        if risk == Risk::Averse {
-            return choice.or_else(|| free.iter().find_map(|&b| self.plan_aside(belief, b)));
-        }
-        choice.or_else(|| {
-            let risks = [Risk::Averse, Risk::Tolerant];
-            tiers.find_map(|tier| risks.into_iter().find_map(|risk| any(self, &tier, risk)))
-        })
-    }
-
-    /// A plan for object `b` of the belief, or a word in its record why there is none.
-    fn plan(&mut self, belief: &Belief, b: usize, risk: Risk) -> Option<Choice> {
-        let (i, number) = (belief.index[b], self.number());
-        let name = self.name(i);
-        self.progress.message(&format!("look {}: planning for {name}", number + 1));
-        let clock = Instant::now();
-        let seed = self.setup.stream(&format!("plan/{number}/{i}"));
-        let plan = self.planner.plan_pick_place(&belief.scene, b, self.world.joints(), risk, seed);
-        self.records[i].plan_s += clock.elapsed().as_secs_f64();
-        match plan {
-            Ok(plan) => Some(Choice { object: i, plan, aside: false }),
-            Err(failure) => {
-                log::debug!("{failure}: {:?}", failure.counters);
-                let outcome = match failure.stage {
-                    PlanStage::NoPlacePose | PlanStage::NoPlaceIk => Outcome::NoPlace,
-                    PlanStage::NoGrasp | PlanStage::NoIk | PlanStage::NoApproach | PlanStage::NoLift => {
-                        Outcome::NoGrasp
-                    }
-                    _ => Outcome::NoPath,
-                };
-                self.records[i].pass_over(outcome, Stage::Plan, failure.to_string());
-                None
-            }
-        }
-    }
-
-    /// A plan to put object `b` of the belief elsewhere on the table, where it can be gripped anew.
-    fn plan_aside(&mut self, belief: &Belief, b: usize) -> Option<Choice> {
-        let i = belief.index[b];
-        if self.records[i].put_aside >= self.setup.settings.trial.max_put_aside {
-            return None;
-        }
-        let clock = Instant::now();
-        let seed = self.setup.stream(&format!("aside/{}/{i}", self.number()));
-        let table = self.setup.cell.free_table();
-        let plan = self.planner.plan_put_aside(&belief.scene, b, table, self.world.joints(), seed);
-        self.records[i].plan_s += clock.elapsed().as_secs_f64();
-        plan.map_err(|failure| log::debug!("aside: {failure}")).ok().map(|plan| Choice {
-            object: i,
-            plan,
-            aside: true,
-        })
-    }
-
     /// Carries the plan out with the score watching, and goes back to where the camera sees the table.
     pub fn act(&mut self, seen: &Seen, belief: Belief, choice: &Choice) -> Attempt {
         let i = choice.object;
@@ -385,26 +302,6 @@ impl<'a> Trial<'a> {
         }
         self.go_home(belief.after_handling(i, released));
         attempt
-    }
-
-    /// How to push an open object, a position in the setup's list, away from what is near it, so that the next look finds something
-    /// that can be picked; none where no push is possible, or there were enough.
-    pub fn plan_push(&self, belief: &Belief) -> Option<(usize, Vec<PlanStep>)> {
-        let setup = self.setup;
-        if self.pushes >= setup.settings.trial.max_pushes {
-            return None;
-        }
-        let open = self.open_items();
-        let mut targets = self.planner.pick_order(&belief.scene).concat();
-        targets.retain(|&b| open.contains(&belief.index[b]));
-        // Each time another one: what did not come apart by one push hardly does by the same again.
-        let first = self.pushes as usize % targets.len().max(1);
-        targets.rotate_left(first);
-        let seed = setup.stream(&format!("push/{}", self.number()));
-        targets.into_iter().find_map(|b| {
-            let plan = self.planner.plan_push(&belief.scene, b, self.world.joints(), seed);
-            plan.map_err(|failure| log::debug!("push: {failure}")).ok().map(|steps| (belief.index[b], steps))
-        })
     }
 
     /// Carries out a push.

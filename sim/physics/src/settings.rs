@@ -40,17 +40,16 @@ pub struct SolverSettings {
     pub iterations: usize,
     /// Natural frequency of contacts between bodies that move, Hz, 1 to 1000. Default 120.
     pub contact_hz: f64,
-    /// Natural frequency of contacts with what is fixed, Hz, 1 to 1000. Default 25: at 240 Hz solids of many pieces rock on
-    /// the table for ever at 0.1 to 0.4 m/s (at 60 Hz 11 of 840 upright drops of the built-in objects did, most of them the
-    /// tall bleach bottle; at 25 Hz none).
+    /// Natural frequency of contacts with what is fixed, Hz, 1 to 1000. Default 25: guards, blows and servos were measured with it. The
+    /// built-in objects, let fall upright ten times each, come to rest at 25, 60 and 240 Hz alike, and sink into the table by at most
+    /// 0.55, 0.11 and 0.01 mm.
     pub static_contact_hz: f64,
     /// Damping ratio of both, 0.1 to 100. Default 5.
     pub contact_damping: f64,
     /// Distance within which contacts are foreseen, metres, 0 to 0.1. Default 0.005: fewer such contacts are the main saving
     /// with many hulls.
     pub prediction_m: f64,
-    /// Drift up to which the points of a contact are kept, metres, 0 to 0.1. Default 0.001: with 1 cm, items that lean in the
-    /// bin never come to rest (some kept rocking at 0.1 to 0.3 m/s); with 1 mm most of them do, at no measurable cost.
+    /// Drift up to which the points of a contact are kept, metres, 0 to 0.1. Default 0.001: more than that saves no measurable time.
     pub contact_recycle_m: f64,
 }
 
