@@ -2,6 +2,7 @@
 
 use grip::benchmark::{FileBox, PosteriorLine};
 use grip::dataset;
+use grip::estimators::external::protocol::{Reply, Request};
 use grip::experiment::plan::{self, ExperimentFile};
 use grip::experiment::sweep::{self, GraspLine, SweepFile};
 use grip::experiment::trials::{LeftOut, TimingLine};
@@ -35,6 +36,9 @@ pub fn all() -> Vec<(&'static str, Value)> {
         ("settings", read::<Settings>(None)),
         ("detector", read::<DetectorDescription>(Some(DetectorDescription::SCHEMA))),
         ("grasps", read::<GraspFile>(Some(GraspFile::SCHEMA))),
+        // What an estimator of others is told, and what it may say.
+        ("estimator-request", written::<Request<'_>>(None)),
+        ("estimator-reply", read::<Reply>(None)),
         // A trial.
         ("trial", written::<TrialResult>(Some(TRIAL_SCHEMA))),
         ("scenario", written::<ScenarioFile<'_>>(Some(scenario::SCHEMA))),

@@ -1,8 +1,9 @@
-//! Who estimates poses in a trial: GRIP, a results file made by anyone, or the simulator's own truth.
+//! Who estimates poses in a trial: GRIP, a program or a results file of anyone, or the simulator's own truth.
 //!
 //! An estimator is a [`Perception`]: it is handed what the camera saw ([`Look`]) and nothing else. The truth is none, and
 //! the trial reads it where the world is; it measures ceilings and is marked in every output.
 
+pub mod external;
 mod grip;
 mod recorded;
 
@@ -20,6 +21,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 
+pub use self::external::{CommandLine, EstimatorFailed, External};
 pub use self::grip::Grip;
 pub use self::recorded::Recorded;
 use crate::matching::{self, nearest_pairs};
@@ -89,7 +91,7 @@ pub trait Perception: Send + Sync {
     /// Estimates the objects that are asked for; those that there is no estimate of are left out.
     ///
     /// # Errors
-    /// When detector or estimator fail.
+    /// When detector or estimator fail; [`EstimatorFailed`] ends the trial and no more.
     fn look(&self, look: &Look<'_>) -> Result<Estimates>;
 
     /// The same for objects that are believed to lie in the bin.
@@ -130,6 +132,9 @@ impl Estimator {
             EstimatorKind::Grip => Self::Perception(Box::new(Grip::open(setup, detector, network)?)),
             EstimatorKind::Truth => Self::Truth,
             EstimatorKind::Csv(path) => Self::Perception(Box::new(Recorded::read(path)?)),
+            EstimatorKind::Command { command, .. } => {
+                Self::Perception(Box::new(External::new(setup, command)))
+            }
         })
     }
 
@@ -150,7 +155,7 @@ impl Estimator {
     }
 }
 
-/// Names an estimator of a trial: `grip`, `truth`, or `csv:FILE`.
+/// Names an estimator of a trial: `grip`, `truth`, `csv:FILE`, or `cmd:PROGRAM ARGUMENTS`.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub enum EstimatorKind {
     /// GRIP.
@@ -160,10 +165,17 @@ pub enum EstimatorKind {
     Truth,
     /// A results file in BOP's format.
     Csv(PathBuf),
+    /// A program that is asked at each look.
+    Command {
+        /// As in outputs, where one is given.
+        name: Option<String>,
+        /// What is run.
+        command: CommandLine,
+    },
 }
 
 impl EstimatorKind {
-    /// As in outputs: of a file its name without the ending, behind `csv-`.
+    /// As in outputs: of a file its name without the ending, behind `csv-`; of a program the name given or that of its script.
     pub fn name(&self) -> String {
         match self {
             Self::Grip => "grip".into(),
@@ -171,6 +183,7 @@ impl EstimatorKind {
             Self::Csv(path) => {
                 format!("csv-{}", path.file_stem().unwrap_or(path.as_os_str()).to_string_lossy())
             }
+            Self::Command { name, command } => name.clone().unwrap_or_else(|| command.name()),
         }
     }
 }
@@ -179,11 +192,29 @@ impl FromStr for EstimatorKind {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
+        if let Some((name, command)) = text.split_once("cmd:") {
+            let name = name.strip_suffix('=');
+            if let Some(name) = name {
+                let plain = |c: char| c.is_ascii_alphanumeric() || "-_.".contains(c);
+                if name.is_empty() || !name.chars().all(plain) || ["grip", "truth"].contains(&name) {
+                    return Err(format!(
+                        "{name}=cmd: give a name of letters, digits, - _ and ., not grip or truth"
+                    ));
+                }
+            }
+            if name.is_some() || text.starts_with("cmd:") {
+                let command = command.parse()?;
+                return Ok(Self::Command { name: name.map(str::to_owned), command });
+            }
+        }
         match (text, text.strip_prefix("csv:")) {
             ("grip", _) => Ok(Self::Grip),
             ("truth", _) => Ok(Self::Truth),
             (_, Some(file)) if Path::new(file).file_stem().is_some() => Ok(Self::Csv(file.into())),
-            _ => Err("give grip, truth, or csv: and a results file".into()),
+            _ => {
+                Err("give grip, truth, csv: and a results file, or cmd: and a program with its arguments"
+                    .into())
+            }
         }
     }
 }

@@ -18,6 +18,8 @@ pub enum Outcome {
     Packed,
     /// The estimator was not confident enough to act.
     NotPerceived,
+    /// An estimator of others crashed, was silent or talked nonsense.
+    EstimatorFailed,
     /// Another object than the one believed to be there was handled.
     WrongObject,
     /// No grasp that the arm reaches without collision.
@@ -383,6 +385,7 @@ impl Outcome {
         match self {
             Self::Packed => "packed",
             Self::NotPerceived => "not perceived",
+            Self::EstimatorFailed => "estimator failed",
             Self::WrongObject => "wrong object",
             Self::NoGrasp => "no reachable grasp",
             Self::NoPlace => "no place in the bin",

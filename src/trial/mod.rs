@@ -42,10 +42,10 @@ pub use self::look::Seen;
 use self::port::TrialObserver;
 pub(crate) use self::port::{SharedWorld, WorldPort};
 use self::report::LookPictures;
-use crate::estimators::{Estimates, Estimator};
+use crate::estimators::{Estimates, Estimator, EstimatorFailed};
 use crate::progress::Progress;
 use crate::scenario::Scenario;
-use crate::score::outcome::{ItemTiming, Measures, Outcome, TRIAL_SCHEMA, Timing, TrialResult};
+use crate::score::outcome::{ItemTiming, Measures, Outcome, Stage, TRIAL_SCHEMA, Timing, TrialResult};
 use crate::score::record::{ItemRecord, failure_of, finish};
 use crate::score::{self, Bodies, GraspMonitor, JointLog, Location};
 use crate::setup::Setup;
@@ -149,7 +149,16 @@ pub fn run(
     let mut trial = Trial::begin(setup, estimator, planner, renderer, options, progress)?;
     let mut fruitless = 0;
     while trial.is_open() && fruitless < setup.settings.trial.max_fruitless_looks {
-        let seen = trial.look()?;
+        let seen = match trial.look() {
+            Ok(seen) => seen,
+            Err(error) => match error.downcast::<EstimatorFailed>() {
+                Ok(failure) => {
+                    trial.give_up(&failure);
+                    break;
+                }
+                Err(error) => return Err(error),
+            },
+        };
         let belief = trial.believe(&seen);
         // Before a risk is taken, what is too crowded is pushed apart.
         let careful = trial.choose(&belief, &seen, Risk::Averse);
@@ -452,6 +461,14 @@ impl<'a> Trial<'a> {
 
     fn locations(&self) -> Vec<Location> {
         score::locations(&self.world, &self.setup.cell.scene, &self.setup.settings.success)
+    }
+
+    /// Ends what is left to pack: nobody says where it is.
+    fn give_up(&mut self, failure: &EstimatorFailed) {
+        log::warn!("seed {}: the estimator failed: {failure}", self.setup.seed);
+        for i in self.open_items() {
+            self.records[i].fail(Outcome::EstimatorFailed, Stage::Look, failure.to_string());
+        }
     }
 
     /// Waits until everything is at rest, and scores.

@@ -50,17 +50,30 @@ pub fn edited_scene(folder: &Path, edit: impl Fn(String) -> String) -> PathBuf {
     path
 }
 
+/// Whether there is a Python for estimators that need no packages; must be where `GRIP_REQUIRE_PYTHON` is set.
+pub fn has_python() -> bool {
+    has_python_with("json")
+}
+
+#[allow(clippy::print_stdout, reason = "tests")]
+fn has_python_with(modules: &str) -> bool {
+    let ready = Command::new("python3").args(["-c", &format!("import {modules}")]).output();
+    let ready = ready.is_ok_and(|output| output.status.success());
+    assert!(
+        ready || std::env::var_os("GRIP_REQUIRE_PYTHON").is_none(),
+        "GRIP_REQUIRE_PYTHON is set but there is no python3 with {modules}"
+    );
+    if !ready {
+        println!("SKIPPED: no python3 with {modules}");
+    }
+    ready
+}
+
 /// Runs a script of `tests/` by Python: without these modules it is skipped, or fails where
 /// `GRIP_REQUIRE_PYTHON` is set. What it prints is printed; it must end with 0.
 #[allow(clippy::print_stdout, reason = "tests")]
 pub fn python(script: &str, modules: &str, args: &[&Path]) {
-    let ready = Command::new("python3").args(["-c", &format!("import {modules}")]).output();
-    if !ready.is_ok_and(|output| output.status.success()) {
-        assert!(
-            std::env::var_os("GRIP_REQUIRE_PYTHON").is_none(),
-            "GRIP_REQUIRE_PYTHON is set but there is no python3 with {modules}"
-        );
-        println!("SKIPPED: no python3 with {modules}");
+    if !has_python_with(modules) {
         return;
     }
     // Without -B Python leaves what it compiled among the sources.

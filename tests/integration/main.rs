@@ -7,6 +7,7 @@ mod common;
 mod crosscheck;
 mod detect;
 mod estimate;
+mod estimators;
 mod examples;
 mod experiments;
 mod explain;

@@ -1,9 +1,11 @@
 //! From weighted particles to a posterior: modes, entropy and spread.
 
-use grip_sim::pose::Pose;
+use grip_sim::objects::ObjectModel;
+use grip_sim::pose::{Camera, Object, Pose};
 use nalgebra::{Isometry3, Matrix6, Vector3};
 
 use super::result::{ScoredPose, SearchResult, typed};
+use crate::error::{Error, Result};
 use crate::hull::{directions, reach};
 use crate::model::Model;
 use crate::posterior::{Mode, PosePosterior};
@@ -64,7 +66,7 @@ pub(crate) fn believed(
     seconds: f64,
 ) -> PosePosterior {
     let (position_std_m, rotation_std_rad) = spread(&modes);
-    let entropy = modes.iter().map(|m| if m.mass > 0.0 { -m.mass * m.mass.ln() } else { 0.0 }).sum();
+    let entropy = entropy(&modes);
     PosePosterior {
         object: model.name.clone(),
         best: typed(&found.best.pose),
@@ -84,6 +86,60 @@ pub(crate) fn believed(
         colour: None,
         trace: found.trace,
     }
+}
+
+/// The symmetries of an object do not depend on how finely it is drawn.
+const TRIANGLES: usize = 100;
+
+impl PosePosterior {
+    /// What another estimator believes of an object: its best pose with a score of its own scale, and other poses with their weights,
+    /// which need not sum to 1. Without any it is sure. Nothing is said of its confidence, which is 1.
+    ///
+    /// # Errors
+    /// When the object's mesh is none, or all weights are zero.
+    pub fn of_samples(
+        object: &ObjectModel,
+        best: Pose<Camera, Object>,
+        score: f64,
+        samples: &[(Pose<Camera, Object>, f64)],
+    ) -> Result<Self> {
+        let name = &object.info.name;
+        if samples.is_empty() {
+            let mut sure = Self::certain(name, best);
+            (sure.score, sure.modes[0].score) = (score, score);
+            return Ok(sure);
+        }
+        let sum: f64 = samples.iter().map(|(_, weight)| weight).sum();
+        if sum.is_nan() || sum <= 0.0 {
+            return Err(Error::Object {
+                object: name.clone(),
+                message: format!("the samples' weights sum to {sum}"),
+            });
+        }
+        let model = Model::new(object, &[TRIANGLES])?;
+        let scored =
+            |pose: &Pose<Camera, Object>| ScoredPose { pose: pose.iso().cast(), score: score as f32 };
+        let population: Vec<(ScoredPose, f64)> =
+            samples.iter().map(|(pose, weight)| (scored(pose), weight / sum)).collect();
+        let modes = modes(&model, &scored(&best), &population);
+        let (position_std_m, rotation_std_rad) = spread(&modes);
+        let particles = samples.iter().map(|(pose, weight)| (*pose, weight / sum)).collect();
+        let entropy = entropy(&modes);
+        Ok(Self {
+            particles,
+            modes,
+            entropy,
+            score,
+            position_std_m,
+            rotation_std_rad,
+            ..Self::certain(name, best)
+        })
+    }
+}
+
+/// Of the modes' masses, nats.
+fn entropy(modes: &[Mode]) -> f64 {
+    modes.iter().map(|m| if m.mass > 0.0 { -m.mass * m.mass.ln() } else { 0.0 }).sum()
 }
 
 /// Root mean square of how far an object is from where and how it lies in the mean (position) and in the first mode

@@ -311,6 +311,14 @@ pub(super) fn isometry(r: &[f64; 9], t_mm: &[f64; 3]) -> std::result::Result<Iso
     Ok(Isometry3::from_parts(Translation3::from(Vector3::from(*t_mm) * MILLIMETRE), rotation))
 }
 
+/// The rigid transform of a row-major rotation and a translation in metres.
+///
+/// # Errors
+/// When the nine numbers are no rotation, in words.
+pub fn rigid(r: &[f64; 9], t: &[f64; 3]) -> std::result::Result<Isometry3<f64>, String> {
+    isometry(r, &t.map(|x| x / MILLIMETRE))
+}
+
 /// What is wrong where all objects are nearer to the camera than any camera sees: `places` are metres in the frame of the camera, as
 /// read from millimetres.
 pub(super) fn in_metres(field: &str, places: impl Iterator<Item = Vector3<f64>>) -> Option<String> {

@@ -51,7 +51,7 @@ pub mod write;
 pub use coco::write_set as write_coco_set;
 pub use format::{
     CameraFile, GtInfo, ModelInfo, ModelsFile, SceneCamera, SceneGt, SceneGtInfo, Symmetries, SymmetryAxis,
-    Target, TargetImage, write_camera, write_targets,
+    Target, TargetImage, rigid, write_camera, write_targets,
 };
 pub use gt_info::{VISIBLE_M, estimated_gt_info, gt_info};
 pub use models::{export_evaluation_models, export_models};

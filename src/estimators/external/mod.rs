@@ -1,0 +1,456 @@
+//! An estimator of others: a program that is handed what the camera saw, a line at a time, and says where the objects are
+//! ([docs/estimators.md](../../../docs/estimators.md)).
+//!
+//! Each thread that looks has a process of its own, which lives as long as the thread's trials go on. What a process does wrong, ends,
+//! is silent or talks nonsense, is the fault of the trial that it happens in ([`EstimatorFailed`]): the next one gets a new process.
+
+mod child;
+mod npy;
+pub mod protocol;
+
+use std::collections::HashMap;
+use std::path::{Path, PathBuf};
+use std::str::FromStr;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Mutex, MutexGuard, OnceLock, PoisonError};
+use std::thread::ThreadId;
+use std::time::{Duration, Instant};
+
+use anyhow::{Context, Result};
+use grip_perception::{PosePosterior, Workspace};
+use grip_sim::bop;
+use grip_sim::objects::ObjectModel;
+use grip_sim::pose::{Camera, Object, Pose};
+use grip_sim::unfinished::Unfinished;
+use nalgebra::Isometry3;
+use serde_json::{Value, json};
+
+use self::child::LineProcess;
+use self::protocol::{Asked, Found, LookRequest, Model, Place, Reply, Request, Space, Transform};
+use super::{Estimates, Look, Perception};
+use crate::setup::Setup;
+
+/// How much longer than for an answer is waited for the first one: a network has to be loaded.
+const START: u32 = 5;
+
+/// A command line: a program and its arguments.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct CommandLine {
+    /// As it was given.
+    pub text: String,
+    words: Vec<String>,
+}
+
+impl FromStr for CommandLine {
+    type Err = String;
+
+    /// By the rules of a POSIX shell for words and quotes; nothing is expanded.
+    fn from_str(text: &str) -> Result<Self, String> {
+        let words = shlex::split(text).ok_or_else(|| format!("{text}: a quote is not closed"))?;
+        if words.is_empty() {
+            return Err("no program is named behind cmd:".into());
+        }
+        Ok(Self { text: text.to_owned(), words })
+    }
+}
+
+impl CommandLine {
+    /// For outputs: the stem of the first word that names a file, behind an interpreter if there is one.
+    pub fn name(&self) -> String {
+        let stem =
+            |word: &String| Path::new(word).file_stem().map(|stem| stem.to_string_lossy().into_owned());
+        let script = self.words.iter().skip(1).find(|word| Path::new(word).extension().is_some());
+        script.and_then(stem).or_else(|| stem(&self.words[0])).unwrap_or_default()
+    }
+}
+
+/// What an estimator of others did wrong: the end of a trial, and no fault of ours.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct EstimatorFailed(pub String);
+
+impl std::fmt::Display for EstimatorFailed {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(&self.0)
+    }
+}
+
+impl std::error::Error for EstimatorFailed {}
+
+/// A program of others that estimates poses.
+pub struct External {
+    command: CommandLine,
+    timeout: Duration,
+    table: Workspace,
+    bin: Workspace,
+    /// Made when the first process is started.
+    folder: OnceLock<Folder>,
+    processes: Mutex<HashMap<ThreadId, Session>>,
+    ids: AtomicU64,
+}
+
+/// Where models and pictures are for the estimator to read; gone with it.
+struct Folder {
+    place: Unfinished,
+    models: Vec<Model>,
+}
+
+/// A process that has said hello, and where it finds its pictures.
+struct Session {
+    process: LineProcess,
+    rgb: PathBuf,
+    depth: PathBuf,
+}
+
+impl External {
+    /// For the cell of `setup`. Nothing is started yet.
+    pub fn new(setup: &Setup, command: &CommandLine) -> Self {
+        let timeout = Duration::from_secs_f64(setup.settings.trial.estimator_timeout_s);
+        Self::within(command, timeout, setup.cell.workspace(), setup.cell.bin_space())
+    }
+
+    fn within(command: &CommandLine, timeout: Duration, table: Workspace, bin: Workspace) -> Self {
+        Self {
+            command: command.clone(),
+            timeout,
+            table,
+            bin,
+            folder: OnceLock::new(),
+            processes: Mutex::new(HashMap::new()),
+            ids: AtomicU64::new(0),
+        }
+    }
+
+    /// The models, written when first asked for.
+    fn folder(&self, models: &[std::sync::Arc<ObjectModel>]) -> Result<&Folder> {
+        if let Some(folder) = self.folder.get() {
+            return Ok(folder);
+        }
+        let made = make_folder(models)?;
+        Ok(self.folder.get_or_init(|| made))
+    }
+
+    fn sessions(&self) -> MutexGuard<'_, HashMap<ThreadId, Session>> {
+        self.processes.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// A process that has said hello.
+    fn session(&self, folder: &Folder) -> Result<Session, EstimatorFailed> {
+        let failed = |reason: String| EstimatorFailed(format!("{}: {reason}", self.command.text));
+        let mut process = LineProcess::start(&self.command.words).map_err(failed)?;
+        let program = concat!("grip ", env!("CARGO_PKG_VERSION"));
+        let hello = Request::Hello { protocol: protocol::VERSION, program, models: &folder.models };
+        let line = serde_json::to_string(&hello).map_err(|error| failed(error.to_string()))?;
+        let answer = process.ask(&line, START * self.timeout).map_err(failed)?;
+        match reply(&answer).map_err(failed)? {
+            Reply::Hello { protocol: protocol::VERSION, name, version } => {
+                log::info!("estimator {name} {version}");
+            }
+            Reply::Hello { protocol, .. } => {
+                return Err(failed(format!(
+                    "it speaks protocol {protocol}, and this program {}",
+                    protocol::VERSION
+                )));
+            }
+            Reply::Error { message } => return Err(failed(message)),
+            Reply::Poses { .. } => return Err(failed("it said poses before hello".into())),
+        }
+        let number = self.ids.fetch_add(1, Ordering::Relaxed);
+        let file = |kind: &str| folder.place.path().join(format!("{kind}-{number}.npy"));
+        Ok(Session { process, rgb: file("rgb"), depth: file("depth") })
+    }
+
+    fn estimate(&self, look: &Look<'_>, place: Place) -> Result<Estimates> {
+        let folder = self.folder(look.models)?;
+        let thread = std::thread::current().id();
+        // Out of the map while it works, so that threads do not wait for each other, and so that one that fails is not met again.
+        let known = self.sessions().remove(&thread);
+        let mut session = match known {
+            Some(session) => session,
+            None => self.session(folder)?,
+        };
+        // Its start is not on any object.
+        let began = Instant::now();
+        let frame = look.frame;
+        let write = |path: &Path, bytes: Vec<u8>| {
+            std::fs::write(path, bytes).with_context(|| format!("{}: cannot be written", path.display()))
+        };
+        write(&session.rgb, npy::rgb(&frame.rgb))?;
+        write(&session.depth, npy::depth(&frame.depth))?;
+        let k = &frame.intrinsics;
+        let Workspace { min, max } = if place == Place::Bin { self.bin } else { self.table };
+        let id = self.ids.fetch_add(1, Ordering::Relaxed);
+        let request = Request::Look(Box::new(LookRequest {
+            id,
+            seed: look.seed,
+            look: look.number(),
+            place,
+            width: k.width,
+            height: k.height,
+            intrinsics: [k.fx, 0.0, k.cx, 0.0, k.fy, k.cy, 0.0, 0.0, 1.0],
+            world_from_camera: transform(frame.world_from_camera.iso()),
+            space: Space { min, max },
+            rgb: &session.rgb,
+            depth: &session.depth,
+            objects: look
+                .asked
+                .iter()
+                .map(|&index| Asked { index, obj_id: look.models[index].info.bop_id })
+                .collect(),
+        }));
+        let failed = |reason: String| EstimatorFailed(format!("{}: {reason}", self.command.text));
+        let answer = session.process.ask(&serde_json::to_string(&request)?, self.timeout).map_err(failed)?;
+        let found = match reply(&answer).map_err(failed)? {
+            Reply::Poses { id: of, poses } if of == id => poses,
+            Reply::Poses { id: of, .. } => {
+                return Err(failed(format!("it answers question {of}, and was asked {id}")).into());
+            }
+            Reply::Error { message } => return Err(failed(message).into()),
+            Reply::Hello { .. } => return Err(failed("it said hello again".into()).into()),
+        };
+        // Not all of its time is on one object.
+        let seconds = began.elapsed().as_secs_f64() / look.asked.len().max(1) as f64;
+        let mut estimates = Estimates::new();
+        for found in &found {
+            let index = found.index;
+            if !look.asked.contains(&index) || estimates.iter().any(|(other, _)| *other == index) {
+                let reason = format!("poses: index {index}: give each of the objects asked for at most once");
+                return Err(failed(reason).into());
+            }
+            let posterior = posterior(found, &look.models[index], seconds)
+                .map_err(|reason| failed(format!("poses, index {index}: {reason}")))?;
+            estimates.push((index, posterior));
+        }
+        estimates.sort_unstable_by_key(|(index, _)| *index);
+        self.sessions().insert(thread, session);
+        Ok(estimates)
+    }
+}
+
+impl Perception for External {
+    fn look(&self, look: &Look<'_>) -> Result<Estimates> {
+        self.estimate(look, Place::Table)
+    }
+
+    fn look_into_bin(&self, look: &Look<'_>) -> Result<Estimates> {
+        self.estimate(look, Place::Bin)
+    }
+
+    fn description(&self) -> Value {
+        json!({ "name": "cmd", "command": self.command.text, "protocol": protocol::VERSION })
+    }
+}
+
+/// Writes the models where the estimator finds them.
+fn make_folder(models: &[std::sync::Arc<ObjectModel>]) -> Result<Folder> {
+    static COUNT: AtomicU64 = AtomicU64::new(0);
+    let name = format!("grip-estimator-{}", COUNT.fetch_add(1, Ordering::Relaxed));
+    let temporary = std::env::temp_dir();
+    let cannot = || format!("{}: no folder can be made there", temporary.display());
+    let place = Unfinished::beside(&temporary.join(name)).with_context(cannot)?;
+    std::fs::create_dir(place.path()).with_context(cannot)?;
+    let mut kinds: Vec<&ObjectModel> = models.iter().map(|model| &**model).collect();
+    kinds.sort_by_key(|model| model.info.bop_id);
+    kinds.dedup_by_key(|model| model.info.bop_id);
+    let folder = place.path().join("models");
+    bop::export_models(&folder, kinds.iter().copied())?;
+    let models = kinds
+        .into_iter()
+        .map(|model| Model {
+            obj_id: model.info.bop_id,
+            name: model.info.name.clone(),
+            mesh: folder.join(format!("obj_{:06}.ply", model.info.bop_id)),
+            diameter: model.diameter,
+        })
+        .collect();
+    Ok(Folder { place, models })
+}
+
+/// What a line says.
+fn reply(line: &str) -> Result<Reply, String> {
+    serde_json::from_str(line).map_err(|error| {
+        let begin: String = line.chars().take(200).collect();
+        format!("its answer is not what the protocol says: {error}: {begin}")
+    })
+}
+
+/// What is believed of an object by what the estimator says of it.
+fn posterior(found: &Found, model: &ObjectModel, seconds: f64) -> Result<PosePosterior, String> {
+    for (field, value) in [("score", found.score), ("confidence", found.confidence)] {
+        if !value.is_finite() {
+            return Err(format!("{field} {value}: must be finite"));
+        }
+    }
+    if !(0.0..=1.0).contains(&found.confidence) {
+        return Err(format!("confidence {}: must be 0 to 1", found.confidence));
+    }
+    let pose = |rotation: &[f64; 9], translation: &[f64; 3]| -> Result<Pose<Camera, Object>, String> {
+        if translation.iter().any(|t| !t.is_finite()) {
+            return Err(format!("t {translation:?}: must be finite, metres"));
+        }
+        Ok(Pose::new(bop::rigid(rotation, translation)?))
+    };
+    let best = pose(&found.rotation, &found.translation)?;
+    let mut samples = Vec::with_capacity(found.samples.len());
+    for (k, sample) in found.samples.iter().enumerate() {
+        let at = |reason| format!("samples[{k}]: {reason}");
+        if !(sample.weight >= 0.0 && sample.weight.is_finite()) {
+            return Err(at(format!("weight {}: must be 0 or more", sample.weight)));
+        }
+        samples.push((pose(&sample.rotation, &sample.translation).map_err(at)?, sample.weight));
+    }
+    let posterior =
+        PosePosterior::of_samples(model, best, found.score, &samples).map_err(|e| e.to_string())?;
+    let there = found.confidence >= 0.5;
+    Ok(PosePosterior { confidence: found.confidence, there, seconds, ..posterior })
+}
+
+/// As the protocol has it.
+fn transform(iso: &Isometry3<f64>) -> Transform {
+    let m = iso.rotation.to_rotation_matrix();
+    Transform {
+        rotation: std::array::from_fn(|i| m[(i / 3, i % 3)]),
+        translation: iso.translation.vector.into(),
+    }
+}
+
+#[cfg(all(test, unix))]
+mod tests {
+    use std::sync::Arc;
+
+    use grip_perception::Workspace;
+    use grip_sim::camera::Intrinsics;
+    use grip_sim::frame::CameraFrame;
+    use grip_sim::images::{DepthImage, RgbImage};
+
+    use super::*;
+    use crate::setup::library;
+
+    const HELLO: &str = r#"echo '{"type":"hello","protocol":1,"name":"test"}'"#;
+
+    /// An estimator that is a shell script, which has read the greeting.
+    struct Script {
+        _folder: tempfile::TempDir,
+        external: External,
+        models: Vec<Arc<ObjectModel>>,
+    }
+
+    impl Script {
+        fn new(text: &str) -> Self {
+            let folder = tempfile::tempdir().unwrap();
+            let path = folder.path().join("estimator.sh");
+            std::fs::write(&path, format!("read hello\n{text}\n")).unwrap();
+            let command = format!("sh '{}'", path.display()).parse().unwrap();
+            let space = Workspace { min: [0.0; 3], max: [1.0; 3] };
+            let external = External::within(&command, Duration::from_millis(400), space, space);
+            let library = library(None).unwrap();
+            let models = ["005_tomato_soup_can", "011_banana"].map(|name| library.load(name).unwrap());
+            Self { _folder: folder, external, models: models.into() }
+        }
+
+        /// Answers every question with `poses`, as far as what the shell makes of it.
+        fn saying(poses: &str) -> Self {
+            let answer = format!(r#"{{\"type\":\"poses\",\"id\":$id,\"poses\":[{poses}]}}"#);
+            Self::new(&format!(
+                "{HELLO}\nwhile read look; do\nid=${{look#*:}}; id=${{id#*:}}; id=${{id%%,*}}\necho \"{answer}\"\ndone"
+            ))
+        }
+
+        fn look(&self) -> Result<Estimates> {
+            let k = Intrinsics { width: 16, height: 16, ..Intrinsics::FETCH };
+            let frame = CameraFrame {
+                rgb: RgbImage::new(16, 16),
+                depth: DepthImage::filled(16, 16, 1.0),
+                intrinsics: k,
+                world_from_camera: Pose::identity(),
+            };
+            self.external.look(&Look {
+                frame: &frame,
+                cameras: &[Pose::identity()],
+                before: &Estimates::new(),
+                models: &self.models,
+                asked: &[0, 1],
+                again: false,
+                seed: 7,
+            })
+        }
+
+        fn failure(&self) -> String {
+            self.look().unwrap_err().downcast::<EstimatorFailed>().unwrap().0
+        }
+    }
+
+    const UNTURNED: &str = r#"\"R\":[1,0,0,0,1,0,0,0,1]"#;
+
+    #[test]
+    fn what_it_says_is_believed_and_its_samples_are_the_spread() {
+        let sample = |x: f64| format!(r#"{{{UNTURNED},\"t\":[{x},0,0.8],\"weight\":2}}"#);
+        let samples = format!("[{},{}]", sample(0.0), sample(0.006));
+        let script = Script::saying(&format!(
+            r#"{{\"index\":1,{UNTURNED},\"t\":[0,0,0.8],\"score\":3,\"confidence\":0.7,\"samples\":{samples}}}"#
+        ));
+        for _ in 0..2 {
+            let estimates = script.look().unwrap();
+            let [(1, banana)] = estimates.as_slice() else { panic!("{estimates:?}") };
+            assert_eq!(banana.best.translation().z, 0.8);
+            assert_eq!((banana.score, banana.confidence, banana.there), (3.0, 0.7, true));
+            assert_eq!(banana.particles.len(), 2);
+            // About the best: half of 6 mm squared.
+            assert!((banana.position_std_m - 0.006 / 2f64.sqrt()).abs() < 1e-6, "{}", banana.position_std_m);
+        }
+        // The process has lived on, and is gone with the estimator, as are its pictures.
+        assert_eq!(script.external.sessions().len(), 1);
+        let folder = script.external.folder.get().unwrap().place.path().to_owned();
+        assert!(folder.join("models/obj_000004.ply").is_file() && folder.join("rgb-0.npy").is_file());
+        drop(script);
+        assert!(!folder.exists());
+    }
+
+    #[test]
+    fn what_it_does_wrong_is_told_and_ends_no_more_than_the_trial() {
+        let saying = |text: &str| Script::new(text).failure();
+        let told = saying("echo out of memory >&2; exit 3");
+        assert!(told.contains("it ended (exit status: 3)") && told.contains("out of memory"), "{told}");
+        assert!(saying("sleep 5").contains("no answer within 2 s"));
+        assert!(saying("echo hello").contains("not what the protocol says"));
+        let other = saying(r#"echo '{"type":"hello","protocol":2,"name":"later"}'"#);
+        assert!(other.contains("it speaks protocol 2, and this program 1"), "{other}");
+        assert!(saying(&format!("{HELLO}; read look; exit 0")).contains("it ended"));
+        let refused = r#"echo '{"type":"error","message":"no GPU"}'"#;
+        assert!(saying(&format!("{HELLO}; read look; {refused}")).ends_with("no GPU"));
+        let late = r#"echo '{"type":"poses","id":999,"poses":[]}'"#;
+        assert!(saying(&format!("{HELLO}; read look; {late}")).contains("answers question 999"));
+        let no_program = External::within(
+            &"/no/such/program --x".parse().unwrap(),
+            Duration::from_secs(1),
+            Workspace { min: [0.0; 3], max: [1.0; 3] },
+            Workspace { min: [0.0; 3], max: [1.0; 3] },
+        );
+        let missing = Script { external: no_program, ..Script::new("") }.failure();
+        assert!(missing.contains("cannot be started"), "{missing}");
+    }
+
+    #[test]
+    fn poses_that_mean_nothing_are_refused_by_field_and_value() {
+        let said = |poses: &str| Script::saying(poses).failure();
+        let of = |index: usize, rest: &str| format!(r#"{{\"index\":{index},{rest}}}"#);
+        let fine = format!(r#"{UNTURNED},\"t\":[0,0,1]"#);
+        assert!(said(&of(5, &fine)).contains("index 5: give each of the objects asked for at most once"));
+        assert!(said(&format!("{},{}", of(1, &fine), of(1, &fine))).contains("index 1: give each"));
+        let stretched = of(0, r#"\"R\":[2,0,0,0,1,0,0,0,1],\"t\":[0,0,1]"#);
+        assert!(said(&stretched).contains("index 0: [2.0, 0.0"));
+        assert!(
+            said(&of(0, &format!(r#"{fine},\"confidence\":1.5"#))).contains("confidence 1.5: must be 0 to 1")
+        );
+        let sample = format!(r#"{fine},\"samples\":[{{{fine},\"weight\":-1}}]"#);
+        assert!(said(&of(0, &sample)).contains("samples[0]: weight -1"));
+        assert!(said(&of(0, &format!(r#"{fine},\"sore\":1"#))).contains("unknown field `sore`"));
+    }
+
+    #[test]
+    fn a_program_is_named_after_its_script() {
+        let name = |text: &str| text.parse::<CommandLine>().unwrap().name();
+        assert_eq!(name("python3 -u '/a b/my_estimator.py' --gpu 0"), "my_estimator");
+        assert_eq!(name("./run-it --fast"), "run-it");
+        assert!("python3 'x".parse::<CommandLine>().is_err() && "  ".parse::<CommandLine>().is_err());
+    }
+}
