@@ -26,7 +26,7 @@ fn header(kind: &str, shape: &[usize]) -> Vec<u8> {
     // The numbers begin at a multiple of 64 bytes.
     const BEFORE: usize = 10;
     let padding = (64 - (BEFORE + text.len() + 1) % 64) % 64;
-    let _ = write!(text, "{:padding$}\n", "");
+    let _ = writeln!(text, "{:padding$}", "");
     let mut bytes = b"\x93NUMPY\x01\x00".to_vec();
     bytes.extend((text.len() as u16).to_le_bytes());
     bytes.extend(text.bytes());
