@@ -16,7 +16,7 @@ use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 use std::sync::atomic::{AtomicU64, Ordering};
-use std::sync::{Mutex, MutexGuard, OnceLock, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
 use std::thread::ThreadId;
 use std::time::{Duration, Instant};
 
@@ -86,6 +86,8 @@ pub struct External {
     timeout: Duration,
     table: Workspace,
     bin: Workspace,
+    /// All that a trial may draw its objects from.
+    models: Vec<Arc<ObjectModel>>,
     /// Made when the first process is started.
     folder: OnceLock<Folder>,
     processes: Mutex<HashMap<ThreadId, Session>>,
@@ -108,16 +110,12 @@ struct Session {
 impl External {
     /// For the cell of `setup`. Nothing is started yet.
     pub fn new(setup: &Setup, command: &CommandLine) -> Self {
-        let timeout = Duration::from_secs_f64(setup.settings.trial.estimator_timeout_s);
-        Self::within(command, timeout, setup.cell.workspace(), setup.cell.bin_space())
-    }
-
-    fn within(command: &CommandLine, timeout: Duration, table: Workspace, bin: Workspace) -> Self {
         Self {
             command: command.clone(),
-            timeout,
-            table,
-            bin,
+            timeout: Duration::from_secs_f64(setup.settings.trial.estimator_timeout_s),
+            table: setup.cell.workspace(),
+            bin: setup.cell.bin_space(),
+            models: setup.models.clone(),
             folder: OnceLock::new(),
             processes: Mutex::new(HashMap::new()),
             ids: AtomicU64::new(0),
@@ -125,11 +123,11 @@ impl External {
     }
 
     /// The models, written when first asked for.
-    fn folder(&self, models: &[std::sync::Arc<ObjectModel>]) -> Result<&Folder> {
+    fn folder(&self) -> Result<&Folder> {
         if let Some(folder) = self.folder.get() {
             return Ok(folder);
         }
-        let made = make_folder(models)?;
+        let made = make_folder(&self.models)?;
         Ok(self.folder.get_or_init(|| made))
     }
 
@@ -164,7 +162,7 @@ impl External {
     }
 
     fn estimate(&self, look: &Look<'_>, place: Place) -> Result<Estimates> {
-        let folder = self.folder(look.models)?;
+        let folder = self.folder()?;
         let thread = std::thread::current().id();
         // Out of the map while it works, so that threads do not wait for each other, and so that one that fails is not met again.
         let known = self.sessions().remove(&thread);
@@ -245,7 +243,7 @@ impl Perception for External {
 }
 
 /// Writes the models where the estimator finds them.
-fn make_folder(models: &[std::sync::Arc<ObjectModel>]) -> Result<Folder> {
+fn make_folder(models: &[Arc<ObjectModel>]) -> Result<Folder> {
     static COUNT: AtomicU64 = AtomicU64::new(0);
     let name = format!("grip-estimator-{}", COUNT.fetch_add(1, Ordering::Relaxed));
     let temporary = std::env::temp_dir();

@@ -1,7 +1,5 @@
 //! What estimators of others say, and what becomes of it.
 
-use std::sync::Arc;
-
 use grip_perception::Workspace;
 use grip_sim::camera::Intrinsics;
 use grip_sim::frame::CameraFrame;
@@ -12,11 +10,27 @@ use crate::setup::library;
 
 const HELLO: &str = r#"echo '{"type":"hello","protocol":1,"name":"test"}'"#;
 
+/// An estimator that is run by `command`.
+fn external(command: &str, timeout: Duration) -> External {
+    let library = library(None).unwrap();
+    let models = ["005_tomato_soup_can", "011_banana"].map(|name| library.load(name).unwrap());
+    let space = Workspace { min: [0.0; 3], max: [1.0; 3] };
+    External {
+        command: command.parse().unwrap(),
+        timeout,
+        table: space,
+        bin: space,
+        models: models.into(),
+        folder: OnceLock::new(),
+        processes: Mutex::default(),
+        ids: AtomicU64::new(0),
+    }
+}
+
 /// An estimator that is a shell script, which has read the greeting.
 struct Script {
     _folder: tempfile::TempDir,
     external: External,
-    models: Vec<Arc<ObjectModel>>,
 }
 
 impl Script {
@@ -28,12 +42,8 @@ impl Script {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("estimator.sh");
         std::fs::write(&path, format!("read hello\n{text}\n")).unwrap();
-        let command = format!("sh '{}'", path.display()).parse().unwrap();
-        let space = Workspace { min: [0.0; 3], max: [1.0; 3] };
-        let external = External::within(&command, timeout, space, space);
-        let library = library(None).unwrap();
-        let models = ["005_tomato_soup_can", "011_banana"].map(|name| library.load(name).unwrap());
-        Self { _folder: folder, external, models: models.into() }
+        let external = external(&format!("sh '{}'", path.display()), timeout);
+        Self { _folder: folder, external }
     }
 
     /// Answers every question with `poses`, as far as what the shell makes of it.
@@ -56,7 +66,7 @@ impl Script {
             frame: &frame,
             cameras: &[Pose::identity()],
             before: &Estimates::new(),
-            models: &self.models,
+            models: &self.external.models,
             asked: &[0, 1],
             again: false,
             seed: 7,
@@ -109,12 +119,7 @@ fn what_it_does_wrong_is_told_and_ends_no_more_than_the_trial() {
     assert!(saying(&format!("{HELLO}; read look; {refused}")).ends_with("no GPU"));
     let late = r#"echo '{"type":"poses","id":999,"poses":[]}'"#;
     assert!(saying(&format!("{HELLO}; read look; {late}")).contains("answers question 999"));
-    let no_program = External::within(
-        &"/no/such/program --x".parse().unwrap(),
-        Duration::from_secs(1),
-        Workspace { min: [0.0; 3], max: [1.0; 3] },
-        Workspace { min: [0.0; 3], max: [1.0; 3] },
-    );
+    let no_program = external("/no/such/program --x", Duration::from_secs(1));
     let missing = Script { external: no_program, ..Script::new("") }.failure();
     assert!(missing.contains("cannot be started"), "{missing}");
 }
