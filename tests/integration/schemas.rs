@@ -70,6 +70,16 @@ fn files_keep_to_their_schemas() {
     tour.run(&["pack", "--estimator", "truth", "--renderer", "cpu", "--out", &pack]);
     tour.has("trial", &Path::new(&pack).join("result.json"));
     tour.has("scenario", &Path::new(&pack).join("scenario.json"));
+    // What an estimator of others is told and says, overheard.
+    if common::has_python() {
+        let [told, said] = ["told.jsonl", "said.jsonl"].map(|name| tour.path(name));
+        let template = root().join("examples/estimators/template.py");
+        let command = format!("cmd:sh -c 'tee {told} | python3 {} | tee {said}'", template.display());
+        let more = ["--estimator", &command, "--renderer", "cpu", "--out", &tour.path("asked")];
+        tour.run(&[&["pack"], &more[..]].concat());
+        tour.has("estimator-request", Path::new(&told));
+        tour.has("estimator-reply", Path::new(&said));
+    }
     // In base light there is no room for its objects, and the trial is left out.
     let scene =
         edited_scene(&tour.folder, |text| text.replace("\nsize = [0.30, 0.42]", "\nsize = [0.15, 0.20]"));
