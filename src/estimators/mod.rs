@@ -121,7 +121,7 @@ impl Estimator {
     /// Opens what `kind` names, for the cell and settings of `setup`.
     ///
     /// # Errors
-    /// When a file is wrong, or an option of the network is given that nobody uses.
+    /// When a file is wrong, a program does not greet, or an option of the network is given that nobody uses.
     pub fn open(
         setup: &Setup,
         kind: &EstimatorKind,
@@ -133,7 +133,7 @@ impl Estimator {
             EstimatorKind::Truth => Self::Truth,
             EstimatorKind::Csv(path) => Self::Perception(Box::new(Recorded::read(path)?)),
             EstimatorKind::Command { command, .. } => {
-                Self::Perception(Box::new(External::new(setup, command)))
+                Self::Perception(Box::new(External::open(setup, command)?))
             }
         })
     }

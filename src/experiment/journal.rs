@@ -43,6 +43,9 @@ impl Journal {
             .with_context(cannot)?;
         let mut lock = file.try_lock();
         let until = Instant::now() + wait;
+        if matches!(lock, Err(TryLockError::WouldBlock)) {
+            log::warn!("{}: another run is writing to it; waits up to {wait:?}", path.display());
+        }
         while matches!(lock, Err(TryLockError::WouldBlock)) && Instant::now() < until {
             std::thread::sleep(wait / 40);
             lock = file.try_lock();

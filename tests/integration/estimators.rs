@@ -100,6 +100,20 @@ fn what_a_program_does_wrong_ends_its_trial_and_no_other() {
             }
         }
     }
+    // What cannot even greet is a wrong command, and leaves nothing.
+    let none = folder.path().join("none");
+    let args = [
+        "trials",
+        "--scene",
+        &scene,
+        "--estimators",
+        "cmd:/no/such/program",
+        "--out",
+        none.to_str().unwrap(),
+    ];
+    let output = grip(&args);
+    assert!(code(&output) == 2 && stderr(&output).contains("cannot be started"), "{}", stderr(&output));
+    assert!(!none.exists());
     // In parts, the first of them once more, and put together: the same.
     let parts: Vec<_> =
         ["1/2", "2/2"].map(|part| run("crash", &part.replace('/', "-"), &["--shard", part])).into();

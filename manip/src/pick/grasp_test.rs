@@ -23,9 +23,9 @@ pub struct GraspTest {
 }
 
 impl Planner {
-    /// The grasp that would be chosen for the belief's object `target` if it went anywhere: the best one from above that the arm reaches,
-    /// approaches and lifts without collision from around `q_now`; and the configuration at it. With `only`, that grasp of the
-    /// object or none.
+    /// The grasp that would be chosen for the belief's object `target` if it went anywhere: the best one from above that the arm
+    /// reaches, approaches and lifts without collision from around `q_now`; and the configuration at it. With `only`, that grasp of
+    /// the object or none.
     ///
     /// # Errors
     /// The farthest stage that any grasp reached.

@@ -10,6 +10,7 @@
 //! |---|---|
 //! | `world` | [`World`]: building, stepping, truth, state hash |
 //! | `robot_body` | links, fingers, servo model and grip law |
+//! | `blows` | what an object is struck with |
 //! | `contacts` | contact forces of the last step, by who touches whom |
 //! | `faces` | hulls that touch with their whole faces |
 //! | `pads` | what a soft pad's patch holds |
@@ -17,6 +18,7 @@
 //! | `settings` | the numbers that decide results |
 //! | `view` | what the camera sees of the world |
 
+mod blows;
 #[cfg(test)]
 mod closed_forms;
 mod contacts;

@@ -6,6 +6,7 @@ use nalgebra::{Isometry3, Vector3};
 use rapier3d::prelude::*;
 use sha2::{Digest, Sha256};
 
+use crate::blows::Blows;
 use crate::contacts::{Body, Contacts, ObjectContacts};
 use crate::error::{Error, Result};
 use crate::faces::whole_faces;
@@ -40,21 +41,10 @@ pub(crate) struct ObjectBody {
     pub body: RigidBodyHandle,
     /// Largest normal force by any one body since the last reset, newtons.
     pub peak_force: f64,
-    /// Normal impulses by everything but the fingers in the last steps, newton seconds, the newest anywhere: three times as many as a
-    /// blow lasts.
-    recent: Vec<f64>,
-    /// Largest blow since the last reset, newton seconds.
-    pub peak_impulse: f64,
+    /// By everything but the fingers.
+    pub blows: Blows,
     /// Half of the object's middle extent: the lever arm of rolling resistance scales with it.
     radius: f64,
-}
-
-/// Impulse within a blow's time beyond that of as many steps before and after, newton seconds, of the `recent` steps; `newest` is the
-/// place of the last one.
-fn blow(recent: &[f64], newest: usize) -> f64 {
-    let all = recent.len();
-    let sum = |ago: std::ops::Range<usize>| ago.map(|k| recent[(newest + all - k) % all]).sum::<f64>();
-    sum(all / 3..2 * all / 3) - sum(0..all / 3).max(sum(2 * all / 3..all))
 }
 
 /// Everything that physics moves, and the truth about it.
@@ -223,8 +213,7 @@ impl World {
             model,
             body,
             peak_force: 0.0,
-            recent: vec![0.0; 3 * objects.blow_steps],
-            peak_impulse: 0.0,
+            blows: Blows::new(objects.blow_steps),
             radius: half[1],
         });
         self.contacts.objects.push(ObjectContacts::default());
@@ -243,8 +232,7 @@ impl World {
     /// Advances one step (of 1/[`STEP_HZ`] s unless [`World::for_layout`]) with the robot's joints driven towards `target` (all movable joints).
     pub fn step(&mut self, target: &[f64], grip: Grip) {
         for object in &mut self.objects {
-            let newest = self.steps as usize % object.recent.len();
-            object.recent[newest] = 0.0;
+            object.blows.begin_step();
         }
         match if self.for_layout { 1 } else { self.settings.solver.steps } {
             1 => self.engine_step(target, grip, 1.0),
@@ -273,9 +261,7 @@ impl World {
         self.robot.sense(&self.physics, &self.contacts, &self.fixed, share);
         for (object, contacts) in self.objects.iter_mut().zip(&self.contacts.objects) {
             object.peak_force = object.peak_force.max(contacts.largest_force);
-            let newest = self.steps as usize % object.recent.len();
-            object.recent[newest] += contacts.blow_force * share / f64::from(self.step_hz);
-            object.peak_impulse = object.peak_impulse.max(blow(&object.recent, newest));
+            object.blows.add(contacts.blow_force * share / f64::from(self.step_hz));
         }
     }
 
@@ -474,14 +460,14 @@ impl World {
     /// after. So it is the momentum that a fall or a knock loses; what the object bears at rest, or is pressed with by and by, is
     /// none.
     pub fn peak_impulse(&self, index: usize) -> f64 {
-        self.objects[index].peak_impulse
+        self.objects[index].blows.largest()
     }
 
     /// Starts new peaks.
     pub fn reset_peaks(&mut self) {
         for object in &mut self.objects {
             object.peak_force = 0.0;
-            object.peak_impulse = 0.0;
+            object.blows.forget_largest();
         }
     }
 
@@ -587,30 +573,4 @@ fn tune(parameters: &mut IntegrationParameters, solver: &SolverSettings) {
     parameters.static_contact_softness = SpringCoefficients::new(solver.static_contact_hz as f32, damping);
     parameters.normalized_prediction_distance = solver.prediction_m as f32;
     parameters.normalized_contact_recycle_distance = solver.contact_recycle_m as f32;
-}
-
-#[cfg(test)]
-mod tests {
-    use super::blow;
-
-    #[test]
-    fn a_blow_is_what_comes_and_goes() {
-        let largest = |forces: &dyn Fn(usize) -> f64| {
-            let mut recent = [0.0; 15];
-            let largest = (0..100).map(|step| {
-                recent[step % 15] = forces(step);
-                blow(&recent, step % 15)
-            });
-            largest.fold(0.0, f64::max)
-        };
-        let (rest, knock) = (0.3, |step: usize| f64::from(u8::from((50..53).contains(&step))));
-        // Whatever it bears meanwhile, before, after, or from then on.
-        assert!((largest(&knock) - 3.0).abs() < 1e-12);
-        assert!((largest(&|step| rest + knock(step)) - 3.0).abs() < 1e-12);
-        assert!((largest(&|step| if step < 50 { 0.0 } else { rest } + knock(step)) - 3.0).abs() < 1e-12);
-        // Pressing harder, for good or for longer than a blow lasts, is none.
-        assert!(largest(&|step| if step < 50 { rest } else { 3.0 }) < 1e-12);
-        assert!(largest(&|step| 0.1 * step as f64) < 1e-12);
-        assert!(largest(&|step| if (40..60).contains(&step) { 3.0 } else { rest }) < 1e-12);
-    }
 }

@@ -5,6 +5,7 @@ use std::io::{BufRead, BufReader, Read, Write};
 use std::process::{Child, ChildStdin, Command, ExitStatus, Stdio};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
 use std::sync::{Arc, Mutex, PoisonError};
+use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 /// Longest line that is read, bytes: a hundred objects with a thousand samples each are 20 MB.
@@ -23,6 +24,8 @@ pub(super) struct LineProcess {
     lines: Receiver<std::io::Result<String>>,
     /// The last lines of its stderr.
     last_words: Arc<Mutex<VecDeque<String>>>,
+    /// Whoever reads that.
+    listener: Option<JoinHandle<()>>,
 }
 
 impl LineProcess {
@@ -41,16 +44,16 @@ impl LineProcess {
         let mut child = started.map_err(|error| format!("{program}: cannot be started: {error}"))?;
         let last_words = Arc::new(Mutex::new(VecDeque::new()));
         let name = words.join(" ");
-        if let Some(stderr) = child.stderr.take() {
+        let listener = child.stderr.take().map(|stderr| {
             let (last_words, name) = (last_words.clone(), name.clone());
-            std::thread::spawn(move || log_lines(stderr, &name, &last_words));
-        }
+            std::thread::spawn(move || log_lines(stderr, &name, &last_words))
+        });
         let (sender, lines) = sync_channel(1);
         if let Some(stdout) = child.stdout.take() {
             std::thread::spawn(move || send_lines(stdout, &sender));
         }
         let stdin = child.stdin.take();
-        Ok(Self { name, child, stdin, lines, last_words })
+        Ok(Self { name, child, stdin, lines, last_words, listener })
     }
 
     /// Sends a line, and waits for the one that comes back.
@@ -86,6 +89,11 @@ impl LineProcess {
                 status => break status.ok().flatten(),
             }
         };
+        // Its last words may still be on their way; a child of its own may never close them.
+        let heard = |listener: &JoinHandle<()>| listener.is_finished() || Instant::now() >= until;
+        while status.is_some() && self.listener.as_ref().is_some_and(|listener| !heard(listener)) {
+            std::thread::sleep(Duration::from_millis(1));
+        }
         match status {
             Some(status) => format!("it ended ({status}){}", self.told()),
             None => format!("it closed its output{}", self.told()),

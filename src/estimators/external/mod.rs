@@ -90,6 +90,8 @@ pub struct External {
     models: Vec<Arc<ObjectModel>>,
     /// Made when the first process is started.
     folder: OnceLock<Folder>,
+    /// Of the first greeting, for whoever looks first.
+    spare: Mutex<Option<Session>>,
     processes: Mutex<HashMap<ThreadId, Session>>,
     ids: AtomicU64,
 }
@@ -108,18 +110,25 @@ struct Session {
 }
 
 impl External {
-    /// For the cell of `setup`. Nothing is started yet.
-    pub fn new(setup: &Setup, command: &CommandLine) -> Self {
-        Self {
+    /// For the cell of `setup`. A program is started: one that cannot greet is a wrong command, and no outcome of trials.
+    ///
+    /// # Errors
+    /// When it cannot be started, or does not answer the greeting as the protocol has it.
+    pub fn open(setup: &Setup, command: &CommandLine) -> Result<Self> {
+        let external = Self {
             command: command.clone(),
             timeout: Duration::from_secs_f64(setup.settings.trial.estimator_timeout_s),
             table: setup.cell.workspace(),
             bin: setup.cell.bin_space(),
             models: setup.models.clone(),
             folder: OnceLock::new(),
+            spare: Mutex::new(None),
             processes: Mutex::new(HashMap::new()),
             ids: AtomicU64::new(0),
-        }
+        };
+        let greeted = external.session(external.folder()?)?;
+        *lock(&external.spare) = Some(greeted);
+        Ok(external)
     }
 
     /// The models, written when first asked for.
@@ -129,10 +138,6 @@ impl External {
         }
         let made = make_folder(&self.models)?;
         Ok(self.folder.get_or_init(|| made))
-    }
-
-    fn sessions(&self) -> MutexGuard<'_, HashMap<ThreadId, Session>> {
-        self.processes.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// A process that has said hello.
@@ -165,7 +170,7 @@ impl External {
         let folder = self.folder()?;
         let thread = std::thread::current().id();
         // Out of the map while it works, so that threads do not wait for each other, and so that one that fails is not met again.
-        let known = self.sessions().remove(&thread);
+        let known = lock(&self.processes).remove(&thread).or_else(|| lock(&self.spare).take());
         let mut session = match known {
             Some(session) => session,
             None => self.session(folder)?,
@@ -223,7 +228,7 @@ impl External {
             estimates.push((index, posterior));
         }
         estimates.sort_unstable_by_key(|(index, _)| *index);
-        self.sessions().insert(thread, session);
+        lock(&self.processes).insert(thread, session);
         Ok(estimates)
     }
 }
@@ -240,6 +245,10 @@ impl Perception for External {
     fn description(&self) -> Value {
         json!({ "name": "cmd", "command": self.command.text, "protocol": protocol::VERSION })
     }
+}
+
+fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 /// Writes the models where the estimator finds them.

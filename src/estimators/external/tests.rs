@@ -22,6 +22,7 @@ fn external(command: &str, timeout: Duration) -> External {
         bin: space,
         models: models.into(),
         folder: OnceLock::new(),
+        spare: Mutex::default(),
         processes: Mutex::default(),
         ids: AtomicU64::new(0),
     }
@@ -97,7 +98,7 @@ fn what_it_says_is_believed_and_its_samples_are_the_spread() {
         assert!((banana.position_std_m - 0.006 / 2f64.sqrt()).abs() < 1e-6, "{}", banana.position_std_m);
     }
     // The process has lived on, and is gone with the estimator, as are its pictures.
-    assert_eq!(script.external.sessions().len(), 1);
+    assert_eq!(lock(&script.external.processes).len(), 1);
     let folder = script.external.folder.get().unwrap().place.path().to_owned();
     assert!(folder.join("models/obj_000004.ply").is_file() && folder.join("rgb-0.npy").is_file());
     drop(script);
