@@ -25,6 +25,7 @@ use serde::{Deserialize, Serialize};
 
 use super::boxes::Boxes;
 use super::objects;
+use crate::estimators::{EstimatorFailed, External};
 use crate::progress::Progress;
 use crate::workers;
 
@@ -35,7 +36,7 @@ pub struct Run<'a> {
     /// Where to look.
     pub boxes: &'a Boxes,
     /// Who estimates.
-    pub estimator: &'a dyn PoseEstimator,
+    pub estimator: FrameEstimator<'a>,
     /// Whether the images of a scene, in the order of their numbers, are a sequence in which objects are followed, and after how
     /// many of them boxes are looked for again at the latest.
     pub track: Option<usize>,
@@ -51,6 +52,15 @@ pub struct Run<'a> {
     pub jobs: usize,
 }
 
+/// Who estimates the images of a data set.
+#[derive(Clone, Copy)]
+pub enum FrameEstimator<'a> {
+    /// One of ours.
+    Ours(&'a dyn PoseEstimator),
+    /// A program of others, which was told of all objects that are asked for. An image in which it does wrong is one without poses.
+    Program(&'a External),
+}
+
 /// What a run did.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Estimated {
@@ -62,7 +72,12 @@ pub struct Estimated {
     pub poses: usize,
     /// Seconds spent estimating, summed over the images estimated now.
     pub seconds: f64,
+    /// Images, of those estimated now, in which the estimator did wrong.
+    pub failed: usize,
 }
+
+/// Begins a [`whole_mark`].
+const WHOLE: &str = "# whole";
 
 /// The objects that are asked for in one image, with their numbers of instances.
 type Wanted = BTreeMap<u32, u32>;
@@ -113,12 +128,8 @@ impl Run<'_> {
     /// When an image or model cannot be read, or a file not written; what is done by then is kept for `resume`.
     pub fn write(&self, out: &Path, resume: bool, progress: &dyn Progress) -> Result<Estimated> {
         anyhow::ensure!(!out.is_dir(), "--out {}: is a folder; give a file", out.display());
-        let wanted = self.wanted()?;
-        let ids: HashSet<u32> = wanted.values().flat_map(|objects| objects.keys().copied()).collect();
-        let models: HashMap<u32, Arc<ObjectModel>> = ids
-            .into_par_iter()
-            .map(|id| Ok((id, objects::load(self.dataset, id)?)))
-            .collect::<Result<_>>()?;
+        let wanted = wanted(self.dataset, self.absent, self.seed)?;
+        let models = models_of(self.dataset, &wanted)?;
 
         self.boxes.check(models.values(), &wanted.keys().copied().collect())?;
 
@@ -152,13 +163,28 @@ impl Run<'_> {
                     if stop.load(Ordering::Relaxed) {
                         return Ok(());
                     }
-                    let (lines, seconds) = pool
-                        .install(|| self.image(image, wanted, &models, &mut last))
-                        .with_context(|| format!("scene {}, image {}", image.0, image.1))?;
+                    let which = || format!("scene {}, image {}", image.0, image.1);
+                    let estimated = match self.estimator {
+                        // It is asked by this thread, which has a process of its own.
+                        FrameEstimator::Program(_) => self.image(image, wanted, &models, &mut last),
+                        FrameEstimator::Ours(_) => {
+                            pool.install(|| self.image(image, wanted, &models, &mut last))
+                        }
+                    };
+                    let (lines, seconds) = match estimated {
+                        Ok(estimated) => estimated,
+                        Err(error) if error.is::<EstimatorFailed>() => {
+                            progress.warn(&format!("{}: no poses: {error}", which()));
+                            shared.lock().unwrap_or_else(PoisonError::into_inner).2.failed += 1;
+                            (Lines::default(), 0.0)
+                        }
+                        Err(error) => return Err(error.context(which())),
+                    };
                     let mut shared = shared.lock().unwrap_or_else(PoisonError::into_inner);
                     let (files, done, summary) = &mut *shared;
                     for (file, lines) in files.iter_mut().zip([&lines.results, &lines.posteriors]) {
-                        file.write_all(lines.concat().as_bytes()).with_context(|| cannot_write(&partial))?;
+                        let text = lines.concat() + &whole_mark(image);
+                        file.write_all(text.as_bytes()).with_context(|| cannot_write(&partial))?;
                     }
                     summary.seconds += seconds;
                     done.insert(image, lines);
@@ -177,25 +203,6 @@ impl Run<'_> {
         // The results are there; what is left behind does no harm.
         let _ = std::fs::remove_file(&partial);
         Ok(summary)
-    }
-
-    /// What is asked for, by image: the data set's targets, else all that is in the truth.
-    fn wanted(&self) -> Result<BTreeMap<(u32, u32), Wanted>> {
-        let mut wanted: BTreeMap<(u32, u32), Wanted> = BTreeMap::new();
-        for Target { scene_id, im_id, obj_id, inst_count } in targets(self.dataset)? {
-            wanted.entry((scene_id, im_id)).or_default().insert(obj_id, inst_count);
-        }
-        if self.absent > 0 {
-            let known = self.dataset.model_ids()?;
-            for (&(scene_id, im_id), objects) in &mut wanted {
-                let truth = self.dataset.ground_truths(scene_id, im_id)?;
-                let missing = known.iter().filter(|id| truth.iter().all(|t| t.obj_id != **id));
-                let mut missing: Vec<u32> = missing.copied().collect();
-                missing.shuffle(&mut rng::stream(self.seed, &format!("absent/{scene_id}/{im_id}")));
-                objects.extend(missing.into_iter().take(self.absent).map(|id| (id, 1)));
-            }
-        }
-        Ok(wanted)
     }
 
     fn image(
@@ -232,13 +239,21 @@ impl Run<'_> {
             Some(boxes) => boxes,
             None => (self.boxes.of(&bop, &frame, &objects, seed)?, 0),
         };
-        let beliefs = self.estimator.follow(&before, &frame, &detections, &objects, seed)?;
+        let beliefs: Vec<(usize, PosePosterior)> = match self.estimator {
+            FrameEstimator::Ours(estimator) => {
+                let all = estimator.follow(&before, &frame, &detections, &objects, seed)?;
+                all.into_iter().enumerate().collect()
+            }
+            FrameEstimator::Program(program) => {
+                program.image((scene_id, im_id), &frame, bop.world_from_camera, &detections, &objects)?
+            }
+        };
         last.boxes = Some((detections, served + 1));
         let seconds = began.elapsed().as_secs_f64();
         let mut lines = Lines::default();
         last.beliefs.clear();
         last.camera = bop.world_from_camera;
-        for (object, belief) in objects.iter().zip(beliefs) {
+        for (object, belief) in beliefs.into_iter().map(|(i, belief)| (&objects[i], belief)) {
             if self.track.is_some() {
                 last.beliefs.entry(object.info.bop_id).or_default().push_back(belief.clone());
             }
@@ -264,25 +279,29 @@ impl Run<'_> {
     /// The images that an interrupted run finished.
     fn resumed(&self, partial: &Path, wanted: &BTreeMap<(u32, u32), Wanted>) -> Result<Done> {
         let Some(whole) = self.whole_lines(partial)? else { return Ok(Done::new()) };
-        let mut done = Done::new();
+        let mut done: Done = marked(&whole).map(|image| (image, Lines::default())).collect();
+        let of_images = |text: &'_ str| -> Vec<String> {
+            text.lines().filter(|line| !line.starts_with('#')).map(|line| format!("{line}\n")).collect()
+        };
         // Lines are kept as they are: through numbers and back they would change in their last digits.
-        for (estimate, line) in read_results(partial)?.iter().zip(whole.lines().skip(1)) {
-            done.entry((estimate.scene_id, estimate.im_id)).or_default().results.push(format!("{line}\n"));
+        for (estimate, line) in read_results(partial)?.iter().zip(of_images(&whole)) {
+            if let Some(lines) = done.get_mut(&(estimate.scene_id, estimate.im_id)) {
+                lines.results.push(line);
+            }
         }
         if let Some(posteriors) = self.posteriors {
             let whole = self.whole_lines(&partial_path(posteriors)?)?.unwrap_or_default();
-            for line in whole.lines().skip(1) {
-                let read: PosteriorLine = serde_json::from_str(line)
+            for line in of_images(&whole) {
+                let read: PosteriorLine = serde_json::from_str(&line)
                     .with_context(|| format!("{}: is damaged; remove it", posteriors.display()))?;
-                done.entry((read.scene_id, read.im_id)).or_default().posteriors.push(format!("{line}\n"));
+                if let Some(lines) = done.get_mut(&(read.scene_id, read.im_id)) {
+                    lines.posteriors.push(line);
+                }
             }
+            let told: HashSet<(u32, u32)> = marked(&whole).collect();
+            done.retain(|image, _| told.contains(image));
         }
-        // An image counts when all of its lines are there.
-        done.retain(|image, lines| {
-            let asked = wanted.get(image).map(|w| w.values().sum::<u32>() as usize);
-            let told = if self.posteriors.is_some() { lines.posteriors.len() } else { lines.results.len() };
-            asked == Some(lines.results.len()) && asked == Some(told)
-        });
+        done.retain(|image, _| wanted.contains_key(image));
         // In the middle of a sequence what was believed is not at hand.
         if self.track.is_some() {
             let whole = |scene: u32| {
@@ -313,10 +332,62 @@ impl Run<'_> {
 
     /// A file of finished images, with those that are done.
     fn begin(&self, partial: &Path, done: &Done, of: fn(&Lines) -> &Vec<String>) -> Result<File> {
-        let text = format!("# {}\n", self.settings) + &joined(done, of);
+        let marked = |(image, lines): (&(u32, u32), &Lines)| of(lines).concat() + &whole_mark(*image);
+        let text = format!("# {}\n", self.settings) + &done.iter().map(marked).collect::<String>();
         std::fs::write(partial, text).with_context(|| cannot_write(partial))?;
         OpenOptions::new().append(true).open(partial).with_context(|| cannot_write(partial))
     }
+}
+
+/// What is asked for, by image: the data set's targets, else all that is in the truth.
+fn wanted(dataset: &Dataset, absent: usize, seed: u64) -> Result<BTreeMap<(u32, u32), Wanted>> {
+    let mut wanted: BTreeMap<(u32, u32), Wanted> = BTreeMap::new();
+    for Target { scene_id, im_id, obj_id, inst_count } in targets(dataset)? {
+        wanted.entry((scene_id, im_id)).or_default().insert(obj_id, inst_count);
+    }
+    if absent > 0 {
+        let known = dataset.model_ids()?;
+        for (&(scene_id, im_id), objects) in &mut wanted {
+            let truth = dataset.ground_truths(scene_id, im_id)?;
+            let missing = known.iter().filter(|id| truth.iter().all(|t| t.obj_id != **id));
+            let mut missing: Vec<u32> = missing.copied().collect();
+            missing.shuffle(&mut rng::stream(seed, &format!("absent/{scene_id}/{im_id}")));
+            objects.extend(missing.into_iter().take(absent).map(|id| (id, 1)));
+        }
+    }
+    Ok(wanted)
+}
+
+/// The objects that a run with so many absent ones an image and this seed asks for, in the order of their numbers.
+///
+/// # Errors
+/// When the truth or a model cannot be read.
+pub fn asked_models(dataset: &Dataset, absent: usize, seed: u64) -> Result<Vec<Arc<ObjectModel>>> {
+    let models = models_of(dataset, &wanted(dataset, absent, seed)?)?;
+    let mut models: Vec<Arc<ObjectModel>> = models.into_values().collect();
+    models.sort_by_key(|model| model.info.bop_id);
+    Ok(models)
+}
+
+fn models_of(
+    dataset: &Dataset,
+    wanted: &BTreeMap<(u32, u32), Wanted>,
+) -> Result<HashMap<u32, Arc<ObjectModel>>> {
+    let ids: HashSet<u32> = wanted.values().flat_map(|objects| objects.keys().copied()).collect();
+    ids.into_par_iter().map(|id| Ok((id, objects::load(dataset, id)?))).collect()
+}
+
+/// The line behind those of an image in the file of a run that goes on: all of them are there, if there are any.
+fn whole_mark((scene_id, im_id): (u32, u32)) -> String {
+    format!("{WHOLE} {scene_id} {im_id}\n")
+}
+
+/// The images that [`whole_mark`] stands behind.
+fn marked(text: &str) -> impl Iterator<Item = (u32, u32)> {
+    text.lines().filter_map(|line| {
+        let mut numbers = line.strip_prefix(WHOLE)?.split_whitespace().map(str::parse);
+        Some((numbers.next()?.ok()?, numbers.next()?.ok()?))
+    })
 }
 
 /// The lines of one file, in order.

@@ -8,12 +8,12 @@ mod convergence;
 mod credibility;
 mod detection;
 mod estimates;
-mod estimator;
 mod evaluation;
 mod objects;
 mod paper;
 mod presence;
 mod published;
+mod support;
 
 pub use accuracy::figure as accuracy_figure;
 pub use boxes::{Boxes, FileBox};
@@ -23,10 +23,10 @@ pub use convergence::{Contender, Convergence, Search, SearchSummary, Searches, q
 pub use credibility::{Credibilities, Credibility, LEVELS, credibility};
 pub use detection::{DetectionFigures, MOST_BOXES, ObjectImage, measure, truth_boxes};
 pub(crate) use estimates::camera_frame;
-pub use estimates::{Estimated, PosteriorLine, Run};
-pub use estimator::{FrameEstimatorKind, for_dataset, frame_estimator};
+pub use estimates::{Estimated, FrameEstimator, PosteriorLine, Run, asked_models};
 pub use evaluation::{Evaluation, Figures, Kind, THRESHOLDS, evaluate, views};
 pub use objects::load as load_object;
 pub use paper::{Area, PaperTable};
 pub use presence::Presence;
 pub use published::METHODS;
+pub use support::for_dataset;

@@ -3,9 +3,8 @@
 use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
-use grip::benchmark::FrameEstimatorKind;
 use grip::dataset::DatasetOptions;
-use grip::estimators::{NetworkChoice, NetworkOptions};
+use grip::estimators::{EstimatorKind, NetworkChoice, NetworkOptions, SecondStage};
 use grip_perception::Providers;
 
 use super::{Hypotheses, SceneArgs, SettingsFile};
@@ -184,14 +183,16 @@ pub struct EstimateArgs {
     pub split: Option<String>,
     /// Where to look for objects: `pyramid` (PyramidCNN's boxes), `clusters` (what stands on the support), `none`, `gt` (boxes
     /// of the truth), `jittered` (those moved by 10 % of their sides, among four false ones each), or a .json file of
-    /// detections in COCO's format.
-    #[arg(long, default_value = "pyramid", value_name = "pyramid|clusters|none|gt|jittered|FILE")]
-    pub boxes: String,
+    /// detections in COCO's format [default: pyramid; for cmd: none].
+    #[arg(long, value_name = "pyramid|clusters|none|gt|jittered|FILE")]
+    pub boxes: Option<String>,
     #[command(flatten)]
     pub network: DetectorArgs,
-    /// Who estimates.
-    #[arg(long, value_enum, default_value_t = EstimatorChoice::Grip)]
-    pub estimator: EstimatorChoice,
+    /// Who estimates: `grip`; `paper`, the filter of the GRIP paper to the letter, 400 iterations of which take about five
+    /// seconds of one core a pose; `paper-guarded`, the same with guards that the paper leaves out, without which it does
+    /// not converge; or `cmd:PROGRAM ARGUMENTS`, a program that is asked of each image (docs/estimators.md).
+    #[arg(long, value_name = "grip|paper|paper-guarded|cmd:PROGRAM", default_value = "grip")]
+    pub estimator: EstimatorKind,
     /// Follow objects through each scene, whose images are a sequence in the order of their numbers: what is believed in one is
     /// where to look in the next. (--resume goes on with whole scenes.)
     #[arg(long)]
@@ -239,11 +240,11 @@ pub enum EstimatorChoice {
 impl EstimatorChoice {
     /// As on the command line.
     pub fn name(self) -> &'static str {
-        FrameEstimatorKind::from(self).name()
+        SecondStage::from(self).name()
     }
 }
 
-impl From<EstimatorChoice> for FrameEstimatorKind {
+impl From<EstimatorChoice> for SecondStage {
     fn from(choice: EstimatorChoice) -> Self {
         match choice {
             EstimatorChoice::Grip => Self::Grip,

@@ -31,8 +31,8 @@ pub struct TrialsArgs {
     /// Conditions, by name or file, separated by commas.
     #[arg(long, value_name = "LIST", value_delimiter = ',', default_value = "base")]
     pub conditions: Vec<String>,
-    /// Estimators, separated by commas or each behind an option of its own: grip, truth, csv:FILE, cmd:PROGRAM ARGUMENTS,
-    /// NAME=cmd:PROGRAM ARGUMENTS.
+    /// Estimators, separated by commas or each behind an option of its own: grip, paper, paper-guarded,
+    /// truth, csv:FILE, cmd:PROGRAM ARGUMENTS, NAME=cmd:PROGRAM ARGUMENTS.
     #[arg(long, value_name = "LIST", value_delimiter = ',', default_value = "grip")]
     pub estimators: Vec<EstimatorKind>,
     /// Who proposes boxes.

@@ -136,10 +136,11 @@ pub struct PackArgs {
     /// Condition by name, from the folder `conditions` beside the scene file, or a path to a .toml file.
     #[arg(long, default_value = "base")]
     pub condition: String,
-    /// Who estimates poses: `grip`; `cmd:PROGRAM ARGUMENTS`, a program that is asked at each look (docs/estimators.md), or
+    /// Who estimates poses: `grip`; `paper` or `paper-guarded`, the filter of the GRIP paper in place of ours, to the letter or
+    /// with guards (five seconds of one core a pose); `cmd:PROGRAM ARGUMENTS`, a program that is asked at each look (docs/estimators.md), or
     /// `NAME=cmd:...`; `csv:FILE`, a results file in BOP's format with the seed as scene_id and the look as im_id
     /// (see --bop), a look that is not in it keeping the estimates of the one before; or `truth`, which reads them from the simulator, for ceilings, and is marked in every output.
-    #[arg(long, value_name = "grip|cmd:PROGRAM|csv:FILE|truth", default_value = "grip")]
+    #[arg(long, value_name = "grip|paper|cmd:PROGRAM|csv:FILE|truth", default_value = "grip")]
     pub estimator: EstimatorKind,
     /// Who proposes boxes.
     #[arg(long, value_enum, default_value_t = Detector::Pyramid)]

@@ -3,9 +3,8 @@
 use std::path::Path;
 
 use anyhow::{Context, Result};
-use grip::benchmark::{
-    Boxes, Contender, Convergence, Search, SearchSummary, Searches, for_dataset, frame_estimator,
-};
+use grip::benchmark::{Boxes, Contender, Convergence, Search, SearchSummary, Searches, for_dataset};
+use grip::estimators::SecondStage;
 use grip::plot;
 use grip::settings::Settings;
 use grip_perception::HypothesisRenderer;
@@ -63,7 +62,7 @@ pub fn run(args: &ConvergenceArgs) -> Result<Done> {
     for choice in &args.estimator {
         let changed = for_dataset(choice.settings.load()?, &args.dataset);
         let (estimator, used) =
-            frame_estimator(choice.estimator.into(), &changed, HypothesisRenderer::Cpu, true)?;
+            SecondStage::from(choice.estimator).open(&changed, HypothesisRenderer::Cpu, None, true)?;
         contenders.push(Contender { name: name(choice), estimator });
         settings.push(used);
     }

@@ -4,9 +4,10 @@ use std::path::Path;
 use std::time::Instant;
 
 use anyhow::Result;
-use grip::benchmark::{Boxes, Estimated, FrameEstimatorKind, Run, for_dataset, frame_estimator};
+use grip::benchmark::{Boxes, Estimated, FrameEstimator, Run, asked_models, for_dataset};
+use grip::estimators::{EstimatorKind, External, Perception, SecondStage};
 use grip::workers;
-use grip_perception::HypothesisRenderer;
+use grip_perception::{HypothesisRenderer, PoseEstimator};
 use grip_sim::bop::Dataset;
 use schemars::JsonSchema;
 use serde::Serialize;
@@ -33,6 +34,8 @@ pub struct EstimateReport<'a> {
     kept: usize,
     /// In the file.
     poses: usize,
+    /// Images, of those estimated now, in which the estimator did wrong.
+    failed: usize,
     wall_s: f64,
     /// In the mean of the images estimated now.
     image_s: f64,
@@ -55,51 +58,76 @@ struct RunDescription<'a> {
     /// How many objects were looked for in each image that are not there.
     absent: u32,
     seed: u64,
-    estimator: &'static str,
+    estimator: String,
     /// Who renders hypotheses.
     hypotheses: String,
     /// The estimator's part of the tree of settings.
     settings: Value,
 }
 
+/// Who estimates.
+enum Opened {
+    Ours(Box<dyn PoseEstimator>),
+    Program(External),
+}
+
 /// Writes the results file.
 pub fn run(args: &EstimateArgs) -> Result<Done> {
     let dataset = Dataset::open(&args.dataset, args.split.as_deref())?;
     let settings = for_dataset(args.settings.load()?, &args.dataset);
-    let boxes = Boxes::open(&args.boxes, &settings.perception.detector, &args.network.options())?;
-    let kind = args.estimator.into();
+    let ours = args.estimator == EstimatorKind::Grip;
     anyhow::ensure!(
-        kind == FrameEstimatorKind::Grip || args.hypotheses != Hypotheses::Gpu,
-        "--hypotheses gpu: the paper's filter renders on the CPU only; leave it out, or use --estimator grip"
+        ours || args.hypotheses != Hypotheses::Gpu,
+        "--hypotheses gpu: is for --estimator grip; leave it out"
     );
     anyhow::ensure!(
-        kind == FrameEstimatorKind::Grip || !args.track,
-        "--track: the paper's filter looks at one image at a time; leave it out, or use --estimator grip"
+        ours || !args.track,
+        "--track: other estimators look at one image at a time; leave it out, or use --estimator grip"
     );
-    let renderer = match kind {
-        FrameEstimatorKind::Grip => HypothesisRenderer::open(args.hypotheses.into())?,
-        _ => HypothesisRenderer::Cpu,
-    };
+    let program = matches!(args.estimator, EstimatorKind::Command { .. });
+    let boxes_from = args.boxes.as_deref().unwrap_or(if program { "none" } else { "pyramid" });
+    let boxes = Boxes::open(boxes_from, &settings.perception.detector, &args.network.options())?;
+    let renderer =
+        if ours { HypothesisRenderer::open(args.hypotheses.into())? } else { HypothesisRenderer::Cpu };
     let hypotheses = renderer.to_string();
     let again = settings.perception.grip.track.search_again;
-    let (estimator, settings) = frame_estimator(kind, &settings, renderer, false)?;
+    let (estimator, settings) = match (&args.estimator, args.estimator.second_stage()) {
+        (_, Some(stage)) => {
+            let (estimator, settings) = SecondStage::open(stage, &settings, renderer, None, false)?;
+            (Opened::Ours(estimator), settings)
+        }
+        (EstimatorKind::Command { command, .. }, _) => {
+            let models = asked_models(&dataset, args.absent as usize, args.seed)?;
+            let program = External::for_images(command, settings.trial.estimator_timeout_s, models)?;
+            let description = program.description();
+            (Opened::Program(program), description)
+        }
+        (other, _) => anyhow::bail!(
+            "--estimator {}: has nothing to say of a data set; give grip, paper, paper-guarded or cmd:PROGRAM (grip eval \
+             measures a results file)",
+            other.name()
+        ),
+    };
     let described = RunDescription {
         dataset: &args.dataset,
         split: dataset.split(),
-        boxes: &args.boxes,
+        boxes: boxes_from,
         boxes_sha256: boxes.sha256(),
         network: boxes.network(),
         track: args.track,
         absent: args.absent,
         seed: args.seed,
-        estimator: estimator.name(),
+        estimator: args.estimator.name(),
         hypotheses,
         settings,
     };
     let run = Run {
         dataset: &dataset,
         boxes: &boxes,
-        estimator: &*estimator,
+        estimator: match &estimator {
+            Opened::Ours(estimator) => FrameEstimator::Ours(&**estimator),
+            Opened::Program(program) => FrameEstimator::Program(program),
+        },
         track: args.track.then_some(again),
         absent: args.absent as usize,
         seed: args.seed,
@@ -117,7 +145,7 @@ pub fn run(args: &EstimateArgs) -> Result<Done> {
 
 fn report(args: &EstimateArgs, run: &RunDescription<'_>, estimated: &Estimated, wall_s: f64) -> Result<()> {
     let out = &args.out;
-    let Estimated { images, kept, poses, seconds } = *estimated;
+    let Estimated { images, kept, poses, seconds, failed } = *estimated;
     if args.json {
         return output::json(&EstimateReport {
             schema: SCHEMA,
@@ -126,16 +154,21 @@ fn report(args: &EstimateArgs, run: &RunDescription<'_>, estimated: &Estimated, 
             images,
             kept,
             poses,
+            failed,
             wall_s: (wall_s * 1e3).round() / 1e3,
             image_s: seconds / images.max(1) as f64,
         });
     }
-    let helped = matches!(args.boxes.as_str(), "gt" | "jittered");
+    let helped = matches!(run.boxes, "gt" | "jittered");
     output::data(format_args!(
-        "{}: {poses} poses in {images} images ({kept} more kept from before), {wall_s:.1} s, {:.0} ms an image{}{}\n\
+        "{}: {poses} poses in {images} images ({kept} more kept from before), {wall_s:.1} s, {:.0} ms an image{}{}{}\n\
          next: grip eval {} {}",
         out.display(),
         1e3 * seconds / images.max(1) as f64,
+        match failed {
+            0 => String::new(),
+            failed => format!("; {failed} without poses, for the estimator did wrong"),
+        },
         if helped { "; boxes from the TRUTH" } else { "" },
         match run.hypotheses.as_str() {
             "cpu" => String::new(),

@@ -39,8 +39,8 @@ pub fn run(args: &PackArgs) -> Result<Done> {
     ensure!((1..=most).contains(&items), "--items {items}: the scene has {most} objects; give 1 to {most}");
     let (detector, network) = (args.detector.into(), args.network.options());
     network.check_used(
-        args.estimator == EstimatorKind::Grip && detector == DetectorKind::Pyramid,
-        "--detector pyramid and --estimator grip",
+        args.estimator.second_stage().is_some() && detector == DetectorKind::Pyramid,
+        "--detector pyramid and --estimator grip or paper",
     )?;
     let estimator = Estimator::open(&setup, &args.estimator, detector, &network)?;
     let planner = setup.planner_with_grasps(args.grasps.as_deref())?;

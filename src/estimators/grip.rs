@@ -1,11 +1,10 @@
-//! GRIP in a trial: a detector over the whole frame, and the filter over the table and over the inside of the bin.
+//! GRIP in a trial: a detector over the whole frame, and the second stage, ours or the paper's, over the table and over the inside of the bin.
 
 use std::sync::Arc;
 
 use anyhow::{Context, Result};
 use grip_perception::{
-    Clusters, Detection, Detections, Detector, GripEstimator, PoseEstimator, PosePosterior, WholeImage,
-    Workspace,
+    Clusters, Detection, Detections, Detector, PoseEstimator, PosePosterior, WholeImage, Workspace,
 };
 use grip_sim::frame::CameraFrame;
 use grip_sim::objects::ObjectModel;
@@ -13,7 +12,7 @@ use grip_sim::rng;
 use nalgebra::Point3;
 use serde_json::{Value, json};
 
-use super::{DetectorKind, Estimates, Look, NetworkOptions, Perception};
+use super::{DetectorKind, Estimates, Look, NetworkOptions, Perception, SecondStage};
 use crate::setup::Setup;
 
 /// Both stages of GRIP.
@@ -22,12 +21,13 @@ pub struct Grip {
     detector: Box<dyn Detector>,
     /// The network that the detector runs, with its fingerprint.
     network: Option<String>,
+    stage: SecondStage,
     /// The second stage over the table,
-    table: GripEstimator,
+    table: Box<dyn PoseEstimator>,
     /// and whether it follows objects from look to look.
     follow: bool,
     /// The same over the inside of the bin, and where that is.
-    bin: GripEstimator,
+    bin: Box<dyn PoseEstimator>,
     bin_space: Workspace,
 }
 
@@ -36,13 +36,17 @@ impl Grip {
     ///
     /// # Errors
     /// When the network's file is wrong, its options are given to another detector, or a setting is out of range.
-    pub fn open(setup: &Setup, detector: DetectorKind, network: &NetworkOptions) -> Result<Self> {
+    pub fn open(
+        setup: &Setup,
+        stage: SecondStage,
+        detector: DetectorKind,
+        network: &NetworkOptions,
+    ) -> Result<Self> {
         network.check_used(detector == DetectorKind::Pyramid, "--detector pyramid")?;
         let table = setup.cell.workspace();
         let bin_space = setup.cell.bin_space();
-        let over = |workspace: &Workspace| -> Result<GripEstimator> {
-            let estimator = GripEstimator::new(setup.settings.perception.grip.clone())?;
-            Ok(estimator.within(*workspace).with_renderer(setup.hypotheses.clone()))
+        let over = |workspace: &Workspace| -> Result<Box<dyn PoseEstimator>> {
+            Ok(stage.open(&setup.settings, setup.hypotheses.clone(), Some(*workspace), false)?.0)
         };
         let settings = &setup.settings.perception.detector;
         let mut name = None;
@@ -56,7 +60,7 @@ impl Grip {
             DetectorKind::None => Box::new(WholeImage),
         };
         let (table, bin, follow) = (over(&table)?, over(&bin_space)?, setup.settings.belief.follow);
-        Ok(Self { detector, network: name, table, follow, bin, bin_space })
+        Ok(Self { detector, network: name, stage, table, follow, bin, bin_space })
     }
 
     /// The part of the image that shows the inside of the bin, as the one box for each of `models`.
@@ -120,7 +124,7 @@ impl Perception for Grip {
     }
 
     fn description(&self) -> Value {
-        json!({ "name": "grip", "detector": self.detector.name(), "network": self.network })
+        json!({ "name": self.stage.name(), "detector": self.detector.name(), "network": self.network })
     }
 
     fn detector(&self) -> &'static str {

@@ -1,4 +1,4 @@
-//! Who estimates poses in a trial: GRIP, a program or a results file of anyone, or the simulator's own truth.
+//! Who estimates poses: GRIP, the filter as published, a program or a results file of anyone, or the simulator's own truth.
 //!
 //! An estimator is a [`Perception`]: it is handed what the camera saw ([`Look`]) and nothing else. The truth is none, and
 //! the trial reads it where the world is; it measures ceilings and is marked in every output.
@@ -6,6 +6,7 @@
 pub mod external;
 mod grip;
 mod recorded;
+mod stage;
 
 use std::convert::Infallible;
 use std::path::{Path, PathBuf};
@@ -24,6 +25,7 @@ use serde_json::{Value, json};
 pub use self::external::{CommandLine, EstimatorFailed, External};
 pub use self::grip::Grip;
 pub use self::recorded::Recorded;
+pub use self::stage::SecondStage;
 use crate::matching::{self, nearest_pairs};
 use crate::setup::Setup;
 
@@ -128,9 +130,14 @@ impl Estimator {
         detector: DetectorKind,
         network: &NetworkOptions,
     ) -> Result<Self> {
+        if let Some(stage) = kind.second_stage() {
+            return Ok(Self::Perception(Box::new(Grip::open(setup, stage, detector, network)?)));
+        }
         Ok(match kind {
-            EstimatorKind::Grip => Self::Perception(Box::new(Grip::open(setup, detector, network)?)),
-            EstimatorKind::Truth => Self::Truth,
+            EstimatorKind::Grip
+            | EstimatorKind::Paper
+            | EstimatorKind::PaperGuarded
+            | EstimatorKind::Truth => Self::Truth,
             EstimatorKind::Csv(path) => Self::Perception(Box::new(Recorded::read(path)?)),
             EstimatorKind::Command { command, .. } => {
                 Self::Perception(Box::new(External::open(setup, command)?))
@@ -155,12 +162,16 @@ impl Estimator {
     }
 }
 
-/// Names an estimator of a trial: `grip`, `truth`, `csv:FILE`, or `cmd:PROGRAM ARGUMENTS`.
+/// Names an estimator: `grip`, `paper`, `paper-guarded`, `truth`, `csv:FILE`, or `cmd:PROGRAM ARGUMENTS`.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub enum EstimatorKind {
     /// GRIP.
     #[default]
     Grip,
+    /// The filter of the GRIP paper to the letter, in place of GRIP's second stage.
+    Paper,
+    /// The same with guards that the paper leaves out, without which it does not converge.
+    PaperGuarded,
     /// The simulator's own poses: a ceiling, not a result.
     Truth,
     /// A results file in BOP's format.
@@ -175,10 +186,22 @@ pub enum EstimatorKind {
 }
 
 impl EstimatorKind {
+    /// Which second stage of our own it is.
+    pub fn second_stage(&self) -> Option<SecondStage> {
+        match self {
+            Self::Grip => Some(SecondStage::Grip),
+            Self::Paper => Some(SecondStage::Paper),
+            Self::PaperGuarded => Some(SecondStage::PaperGuarded),
+            Self::Truth | Self::Csv(_) | Self::Command { .. } => None,
+        }
+    }
+
     /// As in outputs: of a file its name without the ending, behind `csv-`; of a program the name given or that of its script.
     pub fn name(&self) -> String {
         match self {
-            Self::Grip => "grip".into(),
+            Self::Grip | Self::Paper | Self::PaperGuarded => {
+                self.second_stage().map_or("", SecondStage::name).to_owned()
+            }
             Self::Truth => "truth".into(),
             Self::Csv(path) => {
                 format!("csv-{}", path.file_stem().unwrap_or(path.as_os_str()).to_string_lossy())
@@ -196,9 +219,11 @@ impl FromStr for EstimatorKind {
             let name = name.strip_suffix('=');
             if let Some(name) = name {
                 let plain = |c: char| c.is_ascii_alphanumeric() || "-_.".contains(c);
-                if name.is_empty() || !name.chars().all(plain) || ["grip", "truth"].contains(&name) {
+                let ours = ["grip", "paper", "paper-guarded", "truth"];
+                if name.is_empty() || !name.chars().all(plain) || ours.contains(&name) {
                     return Err(format!(
-                        "{name}=cmd: give a name of letters, digits, - _ and ., not grip or truth"
+                        "{name}=cmd: give a name of letters, digits, - _ and ., none of {}",
+                        ours.join(", ")
                     ));
                 }
             }
@@ -209,12 +234,13 @@ impl FromStr for EstimatorKind {
         }
         match (text, text.strip_prefix("csv:")) {
             ("grip", _) => Ok(Self::Grip),
+            ("paper", _) => Ok(Self::Paper),
+            ("paper-guarded", _) => Ok(Self::PaperGuarded),
             ("truth", _) => Ok(Self::Truth),
             (_, Some(file)) if Path::new(file).file_stem().is_some() => Ok(Self::Csv(file.into())),
-            _ => {
-                Err("give grip, truth, csv: and a results file, or cmd: and a program with its arguments"
-                    .into())
-            }
+            _ => Err("give grip, paper, paper-guarded, truth, csv: and a results file, or cmd: and a program with \
+                 its arguments"
+                .into()),
         }
     }
 }

@@ -190,8 +190,9 @@ impl Plan {
         let estimators: Vec<String> = options.estimators.iter().map(EstimatorKind::name).collect();
         no_name_twice(&estimators, "--estimators")?;
         options.network.check_used(
-            options.estimators.contains(&EstimatorKind::Grip) && options.detector == DetectorKind::Pyramid,
-            "--detector pyramid and estimator grip",
+            options.estimators.iter().any(|kind| kind.second_stage().is_some())
+                && options.detector == DetectorKind::Pyramid,
+            "--detector pyramid and estimator grip or paper",
         )?;
         let mut stages: Vec<Stage> = Vec::new();
         let scenes = match options.scenes.as_slice() {
@@ -320,7 +321,7 @@ impl Stage {
             .map(|kind| {
                 // Options of the network are for those that use it.
                 let none = NetworkOptions::default();
-                let network = if *kind == EstimatorKind::Grip { &options.network } else { &none };
+                let network = if kind.second_stage().is_some() { &options.network } else { &none };
                 Estimator::open(&setup, kind, options.detector, network)
             })
             .collect::<Result<_>>()?;

@@ -61,7 +61,13 @@ fn in_doubt_the_robot_looks_from_elsewhere_and_forgets_nothing() {
         SetupOptions { seed: 9601, settings: std::sync::Arc::new(settings), ..SetupOptions::default() };
     let setup = Setup::load(&options).unwrap();
     let detector = crate::estimators::DetectorKind::Clusters;
-    let estimator = crate::estimators::Grip::open(&setup, detector, &Default::default()).unwrap();
+    let estimator = crate::estimators::Grip::open(
+        &setup,
+        crate::estimators::SecondStage::Grip,
+        detector,
+        &Default::default(),
+    )
+    .unwrap();
     let estimator = Estimator::Perception(Box::new(estimator));
     let (planner, mut renderer) = (setup.planner(), open(RendererChoice::Cpu).unwrap());
     let options = TrialOptions::default();

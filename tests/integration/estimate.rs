@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use crate::common::{self, code, grip, root, stderr, stdout};
 
 /// A data set of one scene: a spread layout and a heap.
-fn data_set(folder: &Path) -> PathBuf {
+pub fn data_set(folder: &Path) -> PathBuf {
     let out = folder.join("set");
     let scene = root().join("scenes/adversarial.toml");
     let args =
@@ -30,7 +30,7 @@ fn eval(set: &Path, results: &Path, more: &[&str]) -> serde_json::Value {
 }
 
 /// A results file that says the truth, moved by this much along the camera's x, millimetres.
-fn truth(set: &Path, shift_mm: f64) -> String {
+pub fn truth(set: &Path, shift_mm: f64) -> String {
     let text = std::fs::read_to_string(set.join("test/000001/scene_gt.json")).unwrap();
     let images: serde_json::Value = serde_json::from_str(&text).unwrap();
     let mut lines = "scene_id,im_id,obj_id,score,R,t,time\n".to_owned();

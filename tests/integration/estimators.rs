@@ -5,6 +5,7 @@ use std::path::Path;
 use serde_json::Value;
 
 use crate::common::{code, edited_scene, grip, has_python, root, stderr, stdout};
+use crate::estimate::{data_set, truth};
 
 /// A scene of two objects, whose trials are short.
 fn small_scene(folder: &Path) -> String {
@@ -72,16 +73,23 @@ fn what_a_program_does_wrong_ends_its_trial_and_no_other() {
     }
     let folder = tempfile::tempdir().unwrap();
     let scene = small_scene(folder.path());
+    // Nobody looks at the pictures.
+    let camera = folder.path().join("small.yaml");
+    std::fs::write(&camera, "{width: 80, height: 60, K: [70.0, 0.0, 39.5, 0.0, 70.0, 29.5, 0.0, 0.0, 1.0]}")
+        .unwrap();
+    let text = std::fs::read_to_string(&scene).unwrap();
+    std::fs::write(&scene, text.replace("intrinsics = \"fetch\"", "intrinsics = \"small.yaml\"")).unwrap();
+    // It sees nothing, and is asked again.
     let settings = folder.path().join("settings.toml");
-    std::fs::write(&settings, "[trial]\nestimator_timeout_s = 5.0\n").unwrap();
+    std::fs::write(&settings, "[trial]\nmax_fruitless_looks = 4\nestimator_timeout_s = 5.0\n").unwrap();
     let run = |how: &str, out: &str, more: &[&str]| {
         let out = folder.path().join(out);
-        let command = format!("cmd:python3 {} 7 1 {how}", script("tests/estimators/faulty.py"));
-        let mut args = vec!["trials", "--scene", &scene, "--trials", "3", "--seed", "6", "--renderer", "cpu"];
-        args.extend(["--estimators", &command]);
-        if how == "hang" {
-            args.extend(["--settings", settings.to_str().unwrap()]);
-        }
+        // At look 3 of the seventh trial.
+        let command = format!("cmd:python3 {} 7 3 {how}", script("tests/estimators/faulty.py"));
+        let (trials, seed) = if how == "crash" { ("20", "1") } else { ("3", "6") };
+        let mut args = vec!["trials", "--scene", &scene, "--trials", trials, "--seed", seed];
+        args.extend(["--renderer", "cpu", "--estimators", &command]);
+        args.extend(["--settings", settings.to_str().unwrap()]);
         args.extend(["--out", out.to_str().unwrap()]);
         args.extend(more);
         let output = grip(&args);
@@ -90,7 +98,7 @@ fn what_a_program_does_wrong_ends_its_trial_and_no_other() {
     };
     for (how, words) in [("crash", "nearly"), ("hang", "no answer within 5 s"), ("nonsense", "protocol")] {
         let whole = trials(&run(how, how, &[]));
-        assert_eq!(whole.len(), 3);
+        assert_eq!(whole.len(), if how == "crash" { 20 } else { 3 });
         for trial in &whole {
             for item in trial["items"].as_array().unwrap() {
                 let failed = trial["seed"] == 7;
@@ -124,4 +132,68 @@ fn what_a_program_does_wrong_ends_its_trial_and_no_other() {
     assert_eq!(code(&output), 0, "{}", stderr(&output));
     let bytes = |path: &Path| std::fs::read(path.join("trials.jsonl")).unwrap();
     assert!(bytes(&merged) == bytes(&folder.path().join("crash")));
+}
+
+#[test]
+fn of_a_data_set_a_program_is_asked_image_by_image() {
+    if !has_python() {
+        return;
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let set = data_set(folder.path());
+    let (poses, csv) = (folder.path().join("truth.csv"), folder.path().join("out.csv"));
+    std::fs::write(&poses, truth(&set, 3.0)).unwrap();
+    let estimate = |estimator: &str, more: &[&str]| -> Value {
+        let [set, csv] = [&set, &csv].map(|path| path.to_str().unwrap());
+        let args = ["estimate", set, "--estimator", estimator, "--out", csv, "--json"];
+        let output = grip(&[&args[..], more].concat());
+        assert_eq!(code(&output), 0, "{}", stderr(&output));
+        serde_json::from_str(&stdout(&output)).unwrap()
+    };
+    // What it says is what the file says, whoever proposes boxes.
+    let recorded = format!("cmd:python3 {} '{}'", script("tests/estimators/recorded.py"), poses.display());
+    let rows = |path: &Path| -> Vec<Vec<f64>> {
+        let text = std::fs::read_to_string(path).unwrap();
+        let numbers = |line: &str| line.split([',', ' ']).map(|x| x.parse().unwrap()).collect::<Vec<f64>>();
+        let mut rows: Vec<Vec<f64>> = text.lines().skip(1).map(numbers).collect();
+        rows.iter_mut().for_each(|row| row.truncate(16));
+        rows.sort_by(|a, b| a.partial_cmp(b).unwrap());
+        rows
+    };
+    for boxes in [&[][..], &["--boxes", "gt", "--jobs", "1"]] {
+        assert_eq!(estimate(&recorded, boxes)["failed"], 0);
+        let (file, said) = (rows(&poses), rows(&csv));
+        assert_eq!(file.len(), said.len());
+        for (a, b) in file.iter().flatten().zip(said.iter().flatten()) {
+            assert!((a - b).abs() < 1e-5, "{a} {b}");
+        }
+    }
+    // A crash costs one image, and is told.
+    let faulty = format!("cmd:python3 {} 1 1 crash", script("tests/estimators/faulty.py"));
+    let report = estimate(&faulty, &[]);
+    assert_eq!((&report["images"], &report["failed"]), (&2.into(), &1.into()), "{report}");
+    // Those that have nothing to say of images are refused.
+    for other in ["truth", "csv:poses.csv"] {
+        let output = grip(&["estimate", set.to_str().unwrap(), "--estimator", other]);
+        assert!(code(&output) == 2 && stderr(&output).contains("cmd:PROGRAM"), "{}", stderr(&output));
+    }
+}
+
+#[test]
+fn the_filter_of_the_paper_packs_too() {
+    let folder = tempfile::tempdir().unwrap();
+    let scene = small_scene(folder.path());
+    let settings = folder.path().join("settings.toml");
+    // A few iterations: whether it sees anything is not asked here.
+    std::fs::write(&settings, "[perception.paper]\niterations = 2\n[trial]\nmax_attempts = 1\n").unwrap();
+    let out = folder.path().join("out");
+    let args = ["pack", &scene, "--seed", "3", "--renderer", "cpu", "--estimator", "paper", "--json"];
+    let more = ["--settings", settings.to_str().unwrap(), "--out", out.to_str().unwrap()];
+    let output = grip(&[&args[..], &more].concat());
+    assert!(code(&output) <= 1, "{}", stderr(&output));
+    let trial: Value = serde_json::from_str(&stdout(&output)).unwrap();
+    assert_eq!((&trial["estimator"], &trial["detector"]), (&"paper".into(), &"pyramid".into()));
+    let scenario: Value =
+        serde_json::from_str(&std::fs::read_to_string(out.join("scenario.json")).unwrap()).unwrap();
+    assert_eq!(scenario["settings"]["perception"]["paper"]["iterations"], 2);
 }

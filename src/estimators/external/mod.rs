@@ -21,21 +21,25 @@ use std::thread::ThreadId;
 use std::time::{Duration, Instant};
 
 use anyhow::{Context, Result};
-use grip_perception::{PosePosterior, Workspace};
+use grip_perception::{Detections, PosePosterior, Workspace};
 use grip_sim::bop;
+use grip_sim::frame::CameraFrame;
 use grip_sim::objects::ObjectModel;
-use grip_sim::pose::{Camera, Object, Pose};
+use grip_sim::pose::{Camera, Object, Pose, World};
 use grip_sim::unfinished::Unfinished;
 use nalgebra::Isometry3;
 use serde_json::{Value, json};
 
 use self::child::LineProcess;
-use self::protocol::{Asked, Found, LookRequest, Model, Place, Reply, Request, Space, Transform};
+use self::protocol::{Asked, Found, LookRequest, Model, Place, Proposal, Reply, Request, Space, Transform};
 use super::{Estimates, Look, Perception};
+use crate::benchmark::FileBox;
 use crate::setup::Setup;
 
 /// How much longer than for an answer is waited for the first one: a network has to be loaded.
 const START: u32 = 5;
+/// Boxes of an object that are told.
+const MOST_BOXES: usize = 100;
 
 /// A command line: a program and its arguments.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -84,9 +88,9 @@ impl std::error::Error for EstimatorFailed {}
 pub struct External {
     command: CommandLine,
     timeout: Duration,
-    table: Workspace,
-    bin: Workspace,
-    /// All that a trial may draw its objects from.
+    /// The spaces over the table and in the bin; none for images of a data set.
+    cell: Option<[Workspace; 2]>,
+    /// All that may be asked for.
     models: Vec<Arc<ObjectModel>>,
     /// Made when the first process is started.
     folder: OnceLock<Folder>,
@@ -109,18 +113,49 @@ struct Session {
     depth: PathBuf,
 }
 
+/// What is asked.
+struct Question<'a> {
+    place: Place,
+    seed: u64,
+    look: usize,
+    frame: &'a CameraFrame,
+    world_from_camera: Option<Pose<World, Camera>>,
+    space: Option<Workspace>,
+    models: &'a [Arc<ObjectModel>],
+    /// Positions in `models`.
+    asked: &'a [usize],
+    boxes: Vec<Proposal>,
+}
+
 impl External {
     /// For the cell of `setup`. A program is started: one that cannot greet is a wrong command, and no outcome of trials.
     ///
     /// # Errors
     /// When it cannot be started, or does not answer the greeting as the protocol has it.
     pub fn open(setup: &Setup, command: &CommandLine) -> Result<Self> {
+        let cell = [setup.cell.workspace(), setup.cell.bin_space()];
+        Self::greeted(command, setup.settings.trial.estimator_timeout_s, Some(cell), setup.models.clone())
+    }
+
+    /// For the images of a data set in which there are `models`; an answer may take `timeout_s`.
+    ///
+    /// # Errors
+    /// As [`External::open`].
+    pub fn for_images(command: &CommandLine, timeout_s: f64, models: Vec<Arc<ObjectModel>>) -> Result<Self> {
+        Self::greeted(command, timeout_s, None, models)
+    }
+
+    fn greeted(
+        command: &CommandLine,
+        timeout_s: f64,
+        cell: Option<[Workspace; 2]>,
+        models: Vec<Arc<ObjectModel>>,
+    ) -> Result<Self> {
         let external = Self {
             command: command.clone(),
-            timeout: Duration::from_secs_f64(setup.settings.trial.estimator_timeout_s),
-            table: setup.cell.workspace(),
-            bin: setup.cell.bin_space(),
-            models: setup.models.clone(),
+            timeout: Duration::from_secs_f64(timeout_s),
+            cell,
+            models,
             folder: OnceLock::new(),
             spare: Mutex::new(None),
             processes: Mutex::new(HashMap::new()),
@@ -166,7 +201,48 @@ impl External {
         Ok(Session { process, rgb: file("rgb"), depth: file("depth") })
     }
 
+    /// Where `objects` are in an image of a data set, positions in it, by its number of the scene and its own; `boxes` are where a
+    /// detector says that they are.
+    ///
+    /// # Errors
+    /// [`EstimatorFailed`] when the program does wrong; others when it cannot be asked.
+    pub fn image(
+        &self,
+        (scene_id, im_id): (u32, u32),
+        frame: &CameraFrame,
+        world_from_camera: Option<Pose<World, Camera>>,
+        boxes: &Detections,
+        objects: &[Arc<ObjectModel>],
+    ) -> Result<Estimates> {
+        let asked: Vec<usize> = (0..objects.len()).collect();
+        self.ask(Question {
+            place: Place::Image,
+            seed: scene_id.into(),
+            look: im_id as usize,
+            frame,
+            world_from_camera,
+            space: None,
+            models: objects,
+            asked: &asked,
+            boxes: proposals(boxes, objects),
+        })
+    }
+
     fn estimate(&self, look: &Look<'_>, place: Place) -> Result<Estimates> {
+        self.ask(Question {
+            place,
+            seed: look.seed,
+            look: look.number(),
+            frame: look.frame,
+            world_from_camera: Some(look.frame.world_from_camera),
+            space: self.cell.map(|[table, bin]| if place == Place::Bin { bin } else { table }),
+            models: look.models,
+            asked: look.asked,
+            boxes: Vec::new(),
+        })
+    }
+
+    fn ask(&self, look: Question<'_>) -> Result<Estimates> {
         let folder = self.folder()?;
         let thread = std::thread::current().id();
         // Out of the map while it works, so that threads do not wait for each other, and so that one that fails is not met again.
@@ -184,18 +260,17 @@ impl External {
         write(&session.rgb, npy::rgb(&frame.rgb))?;
         write(&session.depth, npy::depth(&frame.depth))?;
         let k = &frame.intrinsics;
-        let Workspace { min, max } = if place == Place::Bin { self.bin } else { self.table };
         let id = self.ids.fetch_add(1, Ordering::Relaxed);
         let request = Request::Look(Box::new(LookRequest {
             id,
             seed: look.seed,
-            look: look.number(),
-            place,
+            look: look.look,
+            place: look.place,
             width: k.width,
             height: k.height,
             intrinsics: [k.fx, 0.0, k.cx, 0.0, k.fy, k.cy, 0.0, 0.0, 1.0],
-            world_from_camera: transform(frame.world_from_camera.iso()),
-            space: Space { min, max },
+            world_from_camera: look.world_from_camera.map(|pose| transform(pose.iso())),
+            space: look.space.map(|Workspace { min, max }| Space { min, max }),
             rgb: &session.rgb,
             depth: &session.depth,
             objects: look
@@ -203,6 +278,7 @@ impl External {
                 .iter()
                 .map(|&index| Asked { index, obj_id: look.models[index].info.bop_id })
                 .collect(),
+            boxes: look.boxes,
         }));
         let failed = |reason: String| EstimatorFailed(format!("{}: {reason}", self.command.text));
         let answer = session.process.ask(&serde_json::to_string(&request)?, self.timeout).map_err(failed)?;
@@ -274,6 +350,23 @@ fn make_folder(models: &[Arc<ObjectModel>]) -> Result<Folder> {
         })
         .collect();
     Ok(Folder { place, models })
+}
+
+/// The surest boxes of each kind of object.
+fn proposals(boxes: &Detections, objects: &[Arc<ObjectModel>]) -> Vec<Proposal> {
+    let mut kinds: Vec<&ObjectModel> = objects.iter().map(|model| &**model).collect();
+    kinds.dedup_by_key(|model| model.info.bop_id);
+    let of = |model: &ObjectModel| {
+        let mut boxes = boxes.of(&model.info.name).to_vec();
+        boxes.sort_by(|a, b| b.confidence.total_cmp(&a.confidence));
+        boxes.truncate(MOST_BOXES);
+        let obj_id = model.info.bop_id;
+        boxes.into_iter().map(move |detection| {
+            let FileBox { bbox, score, .. } = FileBox::new((0, 0), obj_id, &detection);
+            Proposal { obj_id, bbox, score }
+        })
+    };
+    kinds.into_iter().flat_map(of).collect()
 }
 
 /// What a line says.

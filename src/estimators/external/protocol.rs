@@ -64,9 +64,9 @@ pub struct Model {
 pub struct LookRequest<'a> {
     /// The answer has the same.
     pub id: u64,
-    /// The trial's seed.
+    /// The trial's seed; in a data set the number of the scene.
     pub seed: u64,
-    /// The number of the look in it, from 0 on.
+    /// The number of the look in it, from 0 on; in a data set the number of the image.
     pub look: usize,
     /// Where the objects are believed to be.
     pub place: Place,
@@ -77,16 +77,30 @@ pub struct LookRequest<'a> {
     /// Camera matrix (fx, 0, cx; 0, fy, cy; 0, 0, 1), pixels; the middle of the first pixel is (0, 0).
     #[serde(rename = "K")]
     pub intrinsics: [f64; 9],
-    /// From the camera's frame (x right, y down, z forward) to the world's (z up), by the robot's joints.
-    pub world_from_camera: Transform,
-    /// The part of the world in which they are.
-    pub space: Space,
+    /// From the camera's frame (x right, y down, z forward) to the world's (z up), by the robot's joints. Null in a data set that
+    /// does not say it.
+    pub world_from_camera: Option<Transform>,
+    /// The part of the world in which they are. Null in a data set.
+    pub space: Option<Space>,
     /// NPY, height x width x 3, uint8: sRGB.
     pub rgb: &'a PathBuf,
     /// NPY, height x width, float32: metres along the optical axis, 0 where there is no reading.
     pub depth: &'a PathBuf,
     /// What is looked for.
     pub objects: Vec<Asked>,
+    /// Where a detector says that they are, each kind's surest first: of `grip estimate --boxes`, else empty.
+    pub boxes: Vec<Proposal>,
+}
+
+/// Where a detector says that an object is.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, JsonSchema)]
+pub struct Proposal {
+    /// The object's number.
+    pub obj_id: u32,
+    /// Left, top, width, height, pixels, as in COCO's files.
+    pub bbox: [f64; 4],
+    /// Its confidence.
+    pub score: f64,
 }
 
 /// Where objects are believed to be.
@@ -97,6 +111,8 @@ pub enum Place {
     Table,
     /// In the bin, where they were put.
     Bin,
+    /// Somewhere in an image of a data set.
+    Image,
 }
 
 /// An object that is looked for; of several of a kind each.
@@ -129,7 +145,7 @@ pub enum Reply {
         /// At most one for each `index`.
         poses: Vec<Found>,
     },
-    /// It cannot say. The trial ends with `estimator_failed`.
+    /// It cannot say. The trial ends with `estimator_failed`; an image of a data set is one without poses.
     Error {
         /// Why.
         message: String,

@@ -18,8 +18,7 @@ fn external(command: &str, timeout: Duration) -> External {
     External {
         command: command.parse().unwrap(),
         timeout,
-        table: space,
-        bin: space,
+        cell: Some([space; 2]),
         models: models.into(),
         folder: OnceLock::new(),
         spare: Mutex::default(),
