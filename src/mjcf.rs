@@ -62,8 +62,10 @@ pub fn write(
     file.fixtures(&cell.scene, physics)?;
     let mut actuators = String::new();
     let fingers = file.robot(cell, robot, physics, &mut actuators)?;
-    for (index, (model, pose)) in objects.iter().enumerate() {
-        let pieces = file.object(index, model, pose)?;
+    let places = cell.scene.objects.places(objects.iter().map(|(model, _)| model.info.name.as_str()));
+    for (index, ((model, pose), place)) in objects.iter().zip(places).enumerate() {
+        let frozen = place.is_some_and(|place| place.frozen);
+        let pieces = file.object(index, model, pose, frozen)?;
         let friction = 0.5 * (physics.fingers.pad_friction + model.info.friction);
         let torsion = friction * physics.fingers.torsion_m;
         for finger in &fingers {
@@ -122,6 +124,7 @@ impl File {
         index: usize,
         model: &ObjectModel,
         pose: &Pose<World, Object>,
+        frozen: bool,
     ) -> Result<Vec<String>> {
         let name = escaped(&format!("{}_{index}", model.info.name));
         let volumes: Vec<f64> = model
@@ -135,10 +138,13 @@ impl File {
         ensure!(all > 0.0, "{}: a collision piece has no volume; check its mesh", model.info.name);
         writeln!(
             self.bodies,
-            "    <body name=\"{name}\" {}>\n      <freejoint name=\"{name}\"/>",
-            place(pose.iso())
+            "    <body name=\"{name}\" {}>\n{}",
+            place(pose.iso()),
+            if frozen { String::new() } else { format!("      <freejoint name=\"{name}\"/>") }
         )?;
-        self.q.extend(pose_numbers(pose.iso()));
+        if !frozen {
+            self.q.extend(pose_numbers(pose.iso()));
+        }
         let mut pieces = Vec::new();
         for (number, (piece, volume)) in model.collision.iter().zip(volumes).enumerate() {
             let geom = format!("{name}_{number}");

@@ -1,6 +1,7 @@
 //! The pinhole camera, and the distortion of a lens before it.
 
 mod distortion;
+mod load;
 mod ros;
 
 use nalgebra::{Point2, Point3};

@@ -7,6 +7,7 @@ use rand::Rng;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use crate::calibration::CalibrationError;
 use crate::error::{Error, Result};
 use crate::files;
 use crate::range::{Range, within};
@@ -106,6 +107,9 @@ pub struct Condition {
     /// Where objects are not what the table says.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub objects: Option<TrueObjects>,
+    /// Where the robot is not what it believes.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub calibration_error: Option<CalibrationError>,
 }
 
 /// A condition as written in its file: numbers of the light may be ranges, from which each run draws its own.
@@ -128,6 +132,9 @@ pub struct ConditionSpec {
     /// Where objects are not what the table says.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub objects: Option<TrueObjects>,
+    /// Where the robot is not what it believes, in trials.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub calibration_error: Option<CalibrationError>,
 }
 
 /// [`Lighting`] with ranges.
@@ -274,6 +281,7 @@ impl ConditionSpec {
             },
             exposure: self.exposure,
             objects: self.objects,
+            calibration_error: self.calibration_error,
         }
     }
 
@@ -293,6 +301,9 @@ impl ConditionSpec {
                     return Some(format!("lighting.lights[{i}].{field} = {problem}"));
                 }
             }
+        }
+        if let Some(problem) = self.calibration_error.and_then(|error| error.problem("calibration_error")) {
+            return Some(problem);
         }
         if let Some(problem) = self.objects.and_then(|objects| objects.problem()) {
             return Some(problem);

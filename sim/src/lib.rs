@@ -21,6 +21,7 @@
 
 pub mod bop;
 pub mod cache;
+pub mod calibration;
 pub mod camera;
 pub mod condition;
 pub mod convert;

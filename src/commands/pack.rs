@@ -34,9 +34,12 @@ pub fn run(args: &PackArgs) -> Result<Done> {
         Some(run) => run,
         None => RunDir::begin(&default_folder(args, &setup))?,
     };
-    let most = setup.models.len();
+    let most = setup.packable();
     let items = args.items.unwrap_or(most);
-    ensure!((1..=most).contains(&items), "--items {items}: the scene has {most} objects; give 1 to {most}");
+    ensure!(
+        (1..=most).contains(&items),
+        "--items {items}: the scene has {most} objects that can be packed; give 1 to {most}"
+    );
     let (detector, network) = (args.detector.into(), args.network.options());
     network.check_used(
         args.estimator.second_stage().is_some() && detector == DetectorKind::Pyramid,

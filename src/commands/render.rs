@@ -67,7 +67,7 @@ pub fn run(args: &RenderArgs) -> Result<Done> {
         depth_scale_m: 0.001,
         depth_noise: &setup.cell.scene.camera.depth_noise,
         // Beside the true poses of the objects.
-        world_from_camera: setup.camera.true_pose(&frame.world_from_camera),
+        world_from_camera: setup.true_camera(&world),
         labels,
     };
     run.write("rgb.png", pictures::rgb_png(&frame.rgb)?)?;

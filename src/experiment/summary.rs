@@ -165,6 +165,7 @@ pub(crate) mod tests {
             requested: items.len(),
             packed: items.iter().filter(|i| i.1).count(),
             sim_s: 0.0,
+            calibration: None,
             score: crate::score::outcome::ScoreCard::default(),
             motion_check: crate::score::MotionCheck::default(),
             items: items.iter().map(item).collect(),

@@ -6,6 +6,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::motion_check::MotionCheck;
+use crate::setup::CalibrationRecord;
 
 /// Version of the trial result; changes with every change that could break a reader.
 pub const TRIAL_SCHEMA: &str = "grip.trial/5";
@@ -348,6 +349,9 @@ pub struct TrialResult {
     pub packed: usize,
     /// Simulated seconds.
     pub sim_s: f64,
+    /// How far the robot was off from what it believed of itself, where it was.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub calibration: Option<CalibrationRecord>,
     /// What the trial was like beside what was packed.
     pub score: ScoreCard,
     /// What a check of all motions by the exact collision checker found afterwards.

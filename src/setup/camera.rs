@@ -18,8 +18,6 @@ pub struct HeadCamera {
     pub intrinsics: Intrinsics,
     /// How its colour and depth differ from the true ones.
     pub sensors: Sensors,
-    /// From where the robot believes it to be to where it is.
-    calibration_error: Pose<Camera, Camera>,
     furniture: Furniture,
     bounce: Bounce,
     /// Of the run.
@@ -40,15 +38,14 @@ impl HeadCamera {
         let sensors = settings.sensors(&scene.camera.depth_noise)?;
         let furniture = render::furniture(&scene.fixtures(), scene.surroundings, seed);
         let bounce = Bounce::of(&scene.table, furniture.table_albedo);
-        let calibration_error = calibration_error(scene, seed);
-        Ok(Self { intrinsics, sensors, calibration_error, furniture, bounce, seed })
+        Ok(Self { intrinsics, sensors, furniture, bounce, seed })
     }
 
     /// The same camera in a run with another seed.
     pub fn with_seed(&self, scene: &Scene, seed: u64) -> Self {
         let furniture = render::furniture(&scene.fixtures(), scene.surroundings, seed);
         let bounce = Bounce::of(&scene.table, furniture.table_albedo);
-        Self { calibration_error: calibration_error(scene, seed), furniture, bounce, seed, ..self.clone() }
+        Self { furniture, bounce, seed, ..self.clone() }
     }
 
     /// Everything there is to see, as it stands now.
@@ -58,13 +55,7 @@ impl HeadCamera {
         view
     }
 
-    /// Where the camera is that the robot believes to be at `world_from_camera`; not for perception.
-    pub fn true_pose(&self, world_from_camera: &Pose<WorldFrame, Camera>) -> Pose<WorldFrame, Camera> {
-        *world_from_camera * self.calibration_error
-    }
-
-    /// Takes a picture; `world_from_camera` is where the robot believes the camera to be, and what the frame says. `shot` numbers
-    /// the pictures of a run, so that each has noise of its own.
+    /// Takes a picture from where the camera is. `shot` numbers the pictures of a run, so that each has noise of its own.
     ///
     /// # Errors
     /// When the renderer fails.
@@ -77,20 +68,14 @@ impl HeadCamera {
         shot: usize,
     ) -> Result<(CameraFrame, Rendering)> {
         let mut random = rng::stream(self.seed, &format!("sensor/{shot}"));
-        let (frame, rendering) = sensor::capture(
+        Ok(sensor::capture(
             renderer,
             &self.view(world),
             condition,
             &self.intrinsics,
-            &self.true_pose(world_from_camera),
+            world_from_camera,
             &self.sensors,
             &mut random,
-        )?;
-        Ok((CameraFrame { world_from_camera: *world_from_camera, ..frame }, rendering))
+        )?)
     }
-}
-
-/// That of a run with `seed`.
-fn calibration_error(scene: &Scene, seed: u64) -> Pose<Camera, Camera> {
-    scene.camera.calibration_error.draw(&mut rng::stream(seed, "calibration"))
 }

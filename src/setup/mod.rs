@@ -1,6 +1,7 @@
 //! Everything that a run depends on, read and checked: cell, objects, condition, camera, settings, seed.
 
 mod camera;
+mod miscalibration;
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -14,11 +15,13 @@ use grip_sim::camera::Intrinsics;
 use grip_sim::condition::{Condition, ConditionSpec};
 use grip_sim::frame::CameraFrame;
 use grip_sim::objects::{ObjectLibrary, ObjectModel, resolve_set};
+use grip_sim::pose::{Camera, Pose, World as WorldFrame};
 use grip_sim::render::{Lighting, Renderer, Rendering};
 use grip_sim::rng;
 use rayon::prelude::*;
 
 pub use self::camera::HeadCamera;
+pub use self::miscalibration::{CalibrationRecord, Miscalibration};
 use crate::assets;
 use crate::cell::Cell;
 use crate::score::outcome::instance_name;
@@ -71,6 +74,8 @@ pub struct Setup {
     pub camera: HeadCamera,
     /// Light and how objects are placed, as drawn for this run.
     pub condition: Condition,
+    /// Where the robot is not what it believes, as drawn for this run.
+    pub miscalibration: Miscalibration,
     /// All objects there are.
     pub library: Arc<ObjectLibrary>,
     /// The scene's objects, in its order.
@@ -122,6 +127,7 @@ impl Setup {
             cell,
             camera,
             condition: condition.draw(&mut rng::stream(*seed, "condition")),
+            miscalibration: Miscalibration::default(),
             library: Arc::new(library),
             models,
             seed: *seed,
@@ -145,11 +151,18 @@ impl Setup {
     /// Chooses the run's objects from the scene's, and where the robot stands.
     fn draw(&mut self) {
         self.cell.draw(self.seed);
+        self.miscalibration = Miscalibration::draw(&self.cell, &self.condition, self.seed);
         let objects = &mut self.cell.scene.objects;
         let drawn = objects.draw(self.seed);
         self.models = drawn.iter().map(|&i| self.models[i].clone()).collect();
         objects.names = drawn.iter().map(|&i| objects.names[i].clone()).collect();
         objects.count = None;
+    }
+
+    /// How many objects a trial may pack, the first ones: all but those that are frozen.
+    pub fn packable(&self) -> usize {
+        let frozen = self.cell.scene.objects.placed.iter().filter(|placed| placed.frozen);
+        self.models.len() - frozen.count().min(self.models.len())
     }
 
     /// The physics world without objects, the robot's joints at `q`.
@@ -166,7 +179,8 @@ impl Setup {
     /// # Errors
     /// When they find no room, or the world cannot be built.
     pub fn drop_objects(&self) -> Result<(World, Dropped)> {
-        let fresh = || self.empty_world(self.cell.start.clone());
+        // Where its encoders say that it is at the start.
+        let fresh = || self.empty_world(self.miscalibration.actual(&self.cell.start));
         Ok(drop_objects(
             &self.cell.scene,
             &self.true_models(),
@@ -192,6 +206,16 @@ impl Setup {
         self.models.iter().map(other).collect()
     }
 
+    /// Where the robot believes its joints to be.
+    pub fn measured_joints(&self, world: &World) -> Vec<f64> {
+        self.miscalibration.measured(world.joints())
+    }
+
+    /// Where the camera is; not for perception.
+    pub fn true_camera(&self, world: &World) -> Pose<WorldFrame, Camera> {
+        self.cell.world_from_camera(world.joints()) * self.miscalibration.camera
+    }
+
     /// Takes a picture with the head camera as the robot stands. `shot` numbers the pictures of a run, so that each has
     /// noise of its own.
     ///
@@ -203,8 +227,7 @@ impl Setup {
         renderer: &mut dyn Renderer,
         shot: usize,
     ) -> Result<(CameraFrame, Rendering)> {
-        let world_from_camera = self.cell.world_from_camera(world.joints());
-        self.camera.capture(world, &world_from_camera, &self.condition, renderer, shot)
+        self.capture_in(&self.condition, world, renderer, shot)
     }
 
     /// The same, by one who looks at depth alone: its picture is black, since light costs most of the work, but where the depth camera
@@ -215,12 +238,29 @@ impl Setup {
         renderer: &mut dyn Renderer,
         shot: usize,
     ) -> Result<CameraFrame> {
-        let world_from_camera = self.cell.world_from_camera(world.joints());
         let mut condition = self.condition.clone();
         if !self.camera.sensors.depth.needs_light() {
             condition.lighting = Lighting::default();
         }
-        Ok(self.camera.capture(world, &world_from_camera, &condition, renderer, shot)?.0)
+        Ok(self.capture_in(&condition, world, renderer, shot)?.0)
+    }
+
+    fn capture_in(
+        &self,
+        condition: &Condition,
+        world: &World,
+        renderer: &mut dyn Renderer,
+        shot: usize,
+    ) -> Result<(CameraFrame, Rendering)> {
+        let (mut frame, rendering) =
+            self.camera.capture(world, &self.true_camera(world), condition, renderer, shot)?;
+        let scale = self.miscalibration.depth_scale;
+        if scale != 1.0 {
+            frame.depth.data_mut().iter_mut().for_each(|z| *z *= scale as f32);
+        }
+        // What the robot knows of it is by its joints' encoders.
+        frame.world_from_camera = self.cell.world_from_camera(&self.measured_joints(world));
+        Ok((frame, rendering))
     }
 
     /// The name of object `i`; of a further one of its kind with a number behind it.

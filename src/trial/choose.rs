@@ -59,7 +59,7 @@ impl Trial<'_> {
         self.progress.message(&format!("look {}: planning for {name}", number + 1));
         let clock = Instant::now();
         let seed = self.setup.stream(&format!("plan/{number}/{i}"));
-        let plan = self.planner.plan_pick_place(&belief.scene, b, self.world.joints(), risk, seed);
+        let plan = self.planner.plan_pick_place(&belief.scene, b, &self.joints(), risk, seed);
         self.records[i].plan_s += clock.elapsed().as_secs_f64();
         match plan {
             Ok(plan) => Some(Choice { object: i, plan, aside: false }),
@@ -87,7 +87,7 @@ impl Trial<'_> {
         let clock = Instant::now();
         let seed = self.setup.stream(&format!("aside/{}/{i}", self.number()));
         let table = self.setup.cell.free_table();
-        let plan = self.planner.plan_put_aside(&belief.scene, b, table, self.world.joints(), seed);
+        let plan = self.planner.plan_put_aside(&belief.scene, b, table, &self.joints(), seed);
         self.records[i].plan_s += clock.elapsed().as_secs_f64();
         plan.map_err(|failure| log::debug!("aside: {failure}")).ok().map(|plan| Choice {
             object: i,
@@ -111,7 +111,7 @@ impl Trial<'_> {
         targets.rotate_left(first);
         let seed = setup.stream(&format!("push/{}", self.number()));
         targets.into_iter().find_map(|b| {
-            let plan = self.planner.plan_push(&belief.scene, b, self.world.joints(), seed);
+            let plan = self.planner.plan_push(&belief.scene, b, &self.joints(), seed);
             plan.map_err(|failure| log::debug!("push: {failure}")).ok().map(|steps| (belief.index[b], steps))
         })
     }

@@ -157,7 +157,7 @@ impl Trial<'_> {
         let estimates = match self.estimator {
             Estimator::Perception(perception) if in_bin => perception.look_into_bin(&look)?,
             Estimator::Perception(perception) => perception.look(&look)?,
-            Estimator::Truth => truth(world, frame, asked),
+            Estimator::Truth => truth(world, &setup.true_camera(world), asked),
         };
         let least = setup.settings.belief.least_confidence;
         let confident = |posterior: &PosePosterior| posterior.confidence >= least;
@@ -237,9 +237,14 @@ impl Trial<'_> {
     }
 }
 
-/// Perfect posteriors of the objects `asked`.
-pub(super) fn truth(world: &World, frame: &CameraFrame, asked: &[usize]) -> Estimates {
-    let camera_from_world = frame.world_from_camera.inverse();
+/// Perfect posteriors of the objects `asked`, as a camera there sees them: where the robot believes it to be elsewhere, it believes the
+/// same of the objects.
+pub(super) fn truth(
+    world: &World,
+    world_from_camera: &Pose<WorldFrame, Camera>,
+    asked: &[usize],
+) -> Estimates {
+    let camera_from_world = world_from_camera.inverse();
     let certain = |&i: &usize| {
         let pose = camera_from_world * world.truth(i);
         (i, PosePosterior::certain(&world.object(i).info.name, pose))

@@ -204,9 +204,12 @@ impl<'a> Trial<'a> {
         progress: &'a dyn Progress,
     ) -> Result<Self> {
         let started = Instant::now();
-        let most = setup.models.len();
+        let (all, most) = (setup.models.len(), setup.packable());
         let items = options.items.unwrap_or(most);
-        ensure!((1..=most).contains(&items), "{items} items: the scene has {most} objects; give 1 to {most}");
+        ensure!(
+            (1..=most).contains(&items),
+            "{items} items: the scene has {most} objects that can be packed; give 1 to {most}"
+        );
         let settings = &setup.settings.trial;
         if settings.second_look_mass > 0.0 {
             let view = setup.cell.looking_at(&Point3::origin(), settings.second_look_torso_m);
@@ -228,8 +231,8 @@ impl<'a> Trial<'a> {
             started,
             items,
             world,
-            records: vec![ItemRecord::default(); most],
-            bodies: Bodies::new(most),
+            records: vec![ItemRecord::default(); all],
+            bodies: Bodies::new(all),
             cameras: Vec::new(),
             before: Estimates::new(),
             joints: JointLog::default(),
@@ -249,6 +252,11 @@ impl<'a> Trial<'a> {
         (0..self.items).filter(|&i| self.records[i].is_open(max_attempts)).collect()
     }
 
+    /// Where the robot believes its joints to be.
+    fn joints(&self) -> Vec<f64> {
+        self.setup.measured_joints(&self.world)
+    }
+
     /// The number of the present look, from 0 on.
     fn number(&self) -> usize {
         self.cameras.len() - 1
@@ -258,7 +266,7 @@ impl<'a> Trial<'a> {
     /// readings that none of these explain.
     pub fn believe(&self, seen: &Seen) -> Belief {
         let mut belief = Belief::new(self.setup, &seen.frame, &seen.estimates, &self.records);
-        let joints = self.world.joints();
+        let joints = &self.joints();
         belief.scene.unmodelled = self.planner.unmodelled_obstacles(&belief.scene, &seen.frame, joints);
         let points = belief.scene.unmodelled.len();
         log::debug!("look {}: {points} points of unmodelled obstacles", self.number());
@@ -331,7 +339,12 @@ impl<'a> Trial<'a> {
         let mut observer =
             TrialObserver { world: &shared, monitor: None, joints: &mut self.joints, film: &mut self.film };
         let executor = &self.setup.settings.executor;
-        let report = execute_steps(&mut WorldPort::new(&shared), steps, executor, &mut observer);
+        let report = execute_steps(
+            &mut WorldPort::new(&shared, &self.setup.miscalibration),
+            steps,
+            executor,
+            &mut observer,
+        );
         log::debug!("{name} elsewhere: {:?}", report.outcome);
         if report.failure().is_some() {
             self.release();
@@ -349,7 +362,12 @@ impl<'a> Trial<'a> {
         let shared = SharedWorld::new(&mut self.world);
         let mut observer =
             TrialObserver { world: &shared, monitor, joints: &mut self.joints, film: &mut self.film };
-        let report = execute(&mut WorldPort::new(&shared), plan, &settings.executor, &mut observer);
+        let report = execute(
+            &mut WorldPort::new(&shared, &self.setup.miscalibration),
+            plan,
+            &settings.executor,
+            &mut observer,
+        );
         log::debug!("{}: {:?}, {:?}", plan.object, plan.grasp, plan.place);
         for step in &report.steps {
             log::debug!(
@@ -378,7 +396,11 @@ impl<'a> Trial<'a> {
         let mut observer =
             TrialObserver { world: &shared, monitor: None, joints: &mut self.joints, film: &mut self.film };
         let settings = &self.setup.settings.executor;
-        let report = release_in_place(&mut WorldPort::new(&shared), settings, &mut observer);
+        let report = release_in_place(
+            &mut WorldPort::new(&shared, &self.setup.miscalibration),
+            settings,
+            &mut observer,
+        );
         if let Some((.., reason)) = report.failure() {
             log::info!("letting go: {reason}");
         }
@@ -395,16 +417,16 @@ impl<'a> Trial<'a> {
     fn moves(&mut self, belief: &Belief, goal: &[f64], where_to: &str) -> bool {
         let settings = &self.setup.settings;
         let seed = self.setup.stream(&format!("{where_to}/{}", self.number()));
-        let trajectory = match self.planner.plan_home(&belief.scene, self.world.joints(), goal, seed) {
+        let trajectory = match self.planner.plan_home(&belief.scene, &self.joints(), goal, seed) {
             Ok(trajectory) => trajectory,
             Err(failure) => {
                 log::info!("{where_to}: no way: {failure}");
                 return false;
             }
         };
-        let head = self.planner.plan_head(self.world.joints(), goal);
+        let head = self.planner.plan_head(&self.joints(), goal);
         let shared = SharedWorld::new(&mut self.world);
-        let mut port = WorldPort::new(&shared);
+        let mut port = WorldPort::new(&shared, &self.setup.miscalibration);
         let mut observer =
             TrialObserver { world: &shared, monitor: None, joints: &mut self.joints, film: &mut self.film };
         for trajectory in std::iter::once(trajectory).chain(head) {
@@ -528,6 +550,7 @@ impl<'a> Trial<'a> {
                 (self.pushes, drift_m),
             ),
             packed,
+            calibration: setup.miscalibration.record(),
             motion_check: self.joints.check(self.planner, &setup.cell.empty_belief()),
             sim_s: world.time(),
             items,

@@ -2,6 +2,7 @@
 //! window on what happens meanwhile.
 
 use std::cell::RefCell;
+use std::collections::VecDeque;
 
 use grip_manip::executor::{ControlTarget, Observer, ProtectiveStop, RobotPort, StepReport};
 use grip_manip::{GripperCommand, StepName};
@@ -10,26 +11,57 @@ use nalgebra::Vector3;
 
 use super::film::Film;
 use crate::score::{GraspMonitor, JointLog};
+use crate::setup::Miscalibration;
 
 /// A world that the port moves and the observer looks at in turn.
 pub type SharedWorld<'a> = RefCell<&'a mut World>;
 
-/// Drives the world's robot.
+/// Drives the world's robot, which is not all that it believes to be.
 pub struct WorldPort<'a, 'w> {
     world: &'a SharedWorld<'w>,
+    miscalibration: &'a Miscalibration,
+    /// What was measured, the oldest first, which is what is known now.
+    measured: VecDeque<Measured>,
     /// What the gripper was told last, for [`GripperCommand::Hold`].
     grip: Grip,
 }
 
+/// What a robot measures at a moment.
+struct Measured {
+    joints: Vec<f64>,
+    fingers: [f64; 2],
+    grip_force: f64,
+    hand_force: Vector3<f64>,
+    link_force: f64,
+}
+
+impl Measured {
+    fn now(world: &World, miscalibration: &Miscalibration) -> Self {
+        Self {
+            joints: miscalibration.measured(world.joints()),
+            fingers: world.finger_positions(),
+            grip_force: world.grip_force(),
+            hand_force: world.hand_force(),
+            link_force: world.link_force(),
+        }
+    }
+}
+
 impl<'a, 'w> WorldPort<'a, 'w> {
     /// A port; a protective stop of before is cleared, as an operator would.
-    pub fn new(world: &'a SharedWorld<'w>) -> Self {
+    pub fn new(world: &'a SharedWorld<'w>, miscalibration: &'a Miscalibration) -> Self {
         let grip = {
             let mut world = world.borrow_mut();
             world.clear_stop();
             world.hold().1
         };
-        Self { world, grip }
+        let measured = VecDeque::from([Measured::now(&world.borrow(), miscalibration)]);
+        Self { world, miscalibration, measured, grip }
+    }
+
+    fn measured(&self) -> &Measured {
+        // There is one from the beginning on.
+        &self.measured[0]
     }
 }
 
@@ -43,23 +75,23 @@ impl RobotPort for WorldPort<'_, '_> {
     }
 
     fn joints(&self) -> Vec<f64> {
-        self.world.borrow().joints().to_vec()
+        self.measured().joints.clone()
     }
 
     fn fingers(&self) -> [f64; 2] {
-        self.world.borrow().finger_positions()
+        self.measured().fingers
     }
 
     fn grip_force(&self) -> f64 {
-        self.world.borrow().grip_force()
+        self.measured().grip_force
     }
 
     fn hand_force(&self) -> Vector3<f64> {
-        self.world.borrow().hand_force()
+        self.measured().hand_force
     }
 
     fn link_force(&self) -> f64 {
-        self.world.borrow().link_force()
+        self.measured().link_force
     }
 
     fn step(&mut self, target: &ControlTarget<'_>) -> Result<(), ProtectiveStop> {
@@ -69,7 +101,12 @@ impl RobotPort for WorldPort<'_, '_> {
             GripperCommand::Hold => self.grip,
         };
         let mut world = self.world.borrow_mut();
-        world.step(target.joints, self.grip);
+        world.step(&self.miscalibration.actual(target.joints), self.grip);
+        self.measured.push_back(Measured::now(&world, self.miscalibration));
+        let periods = (self.miscalibration.latency_s * f64::from(STEP_HZ)).round() as usize;
+        while self.measured.len() > periods + 1 {
+            self.measured.pop_front();
+        }
         match world.stop() {
             Some(stop) => Err(ProtectiveStop { reason: stop.to_string() }),
             None => Ok(()),

@@ -2,6 +2,8 @@ use super::look::truth;
 use super::*;
 use crate::progress::Quiet;
 use crate::setup::SetupOptions;
+use grip_manip::GripperCommand;
+use grip_manip::executor::{ControlTarget, RobotPort};
 use grip_sim::render::{RendererChoice, open};
 
 #[test]
@@ -14,7 +16,7 @@ fn an_object_that_is_not_believed_is_an_obstacle_where_it_stands() {
     let seen_without = |left_out: Option<usize>| {
         let asked: Vec<usize> = (0..setup.models.len()).filter(|i| Some(*i) != left_out).collect();
         let records = vec![ItemRecord::default(); setup.models.len()];
-        let belief = Belief::new(&setup, &frame, &truth(&world, &frame, &asked), &records);
+        let belief = Belief::new(&setup, &frame, &truth(&world, &frame.world_from_camera, &asked), &records);
         planner.unmodelled_obstacles(&belief.scene, &frame, world.joints())
     };
     assert_eq!(seen_without(None), [], "everything is known");
@@ -137,4 +139,66 @@ fn a_picture_for_depth_alone_has_the_same_depth() {
         let dark = setup.capture_depth(&world, renderer.as_mut(), 0).unwrap();
         assert_eq!(lit.depth, dark.depth, "{noise}");
     }
+}
+
+/// The setup of the base condition with these errors of calibration in its file.
+fn miscalibrated(errors: &str) -> Setup {
+    let folder = tempfile::tempdir().unwrap();
+    let base = include_str!("../../scenes/conditions/base.toml");
+    let file = folder.path().join("off.toml");
+    std::fs::write(&file, format!("{base}\n[calibration_error]\n{errors}\n")).unwrap();
+    let condition = file.to_str().unwrap().to_owned();
+    Setup::load(&SetupOptions { condition, seed: 4, ..SetupOptions::default() }).unwrap()
+}
+
+#[test]
+fn a_camera_that_is_not_where_it_is_believed_moves_all_that_is_seen() {
+    let base = Setup::load(&SetupOptions { seed: 4, ..SetupOptions::default() }).unwrap();
+    let off = miscalibrated("camera = { shift = 0.01 }\ndepth_scale = 1.02");
+    let (world, _) = base.drop_objects().unwrap();
+    let mut renderer = open(RendererChoice::Cpu).unwrap();
+    let (frame, _) = off.capture(&world, renderer.as_mut(), 0).unwrap();
+    let (true_frame, _) = base.capture(&world, renderer.as_mut(), 0).unwrap();
+    assert_eq!(frame.world_from_camera, true_frame.world_from_camera, "the robot does not know");
+    assert_ne!(frame.rgb, true_frame.rgb);
+    // The best that can be seen is 10 mm off, however well the picture is understood.
+    let asked: Vec<usize> = (0..off.models.len()).collect();
+    for (i, seen) in truth(&world, &off.true_camera(&world), &asked) {
+        let believed = frame.world_from_camera * seen.best;
+        let error = (believed.translation() - world.truth(i).translation()).norm();
+        assert!((error - 0.01).abs() < 1e-9, "{error}");
+    }
+    let record = off.miscalibration.record().unwrap();
+    assert!((record.camera_shift_m - 0.01).abs() < 1e-12 && record.camera_turn_rad < 1e-6);
+    assert_eq!(base.miscalibration.record(), None);
+    // Where the camera is right, depth alone is off.
+    let scaled = miscalibrated("depth_scale = 1.02");
+    let (frame, _) = scaled.capture(&world, renderer.as_mut(), 0).unwrap();
+    let pairs = frame.depth.data().iter().zip(true_frame.depth.data());
+    assert!(pairs.into_iter().all(|(z, true_z)| *z == true_z * 1.02_f32));
+}
+
+#[test]
+fn joints_go_where_their_encoders_say_and_measurements_are_late() {
+    let setup = miscalibrated("joints = { min = -0.02, max = 0.02 }\nlatency = 0.05");
+    let start = &setup.cell.start;
+    let mut world = setup.drop_objects().unwrap().0;
+    let arm = &setup.cell.config.arm;
+    let furthest = |a: &[f64], b: &[f64]| arm.iter().map(|&j| (a[j] - b[j]).abs()).fold(0.0, f64::max);
+    assert!(furthest(&setup.measured_joints(&world), start) < 1e-12, "it believes to be at the start");
+    assert!(furthest(world.joints(), start) > 0.002, "and is not");
+    assert_ne!(setup.true_camera(&world), setup.cell.world_from_camera(start));
+    // A joint on its way at 0.1 rad/s: what is measured is 12 periods old.
+    let joint = arm[0];
+    let shared = SharedWorld::new(&mut world);
+    let mut port = WorldPort::new(&shared, &setup.miscalibration);
+    let mut past = Vec::new();
+    for k in 0..60 {
+        let mut target = start.clone();
+        target[joint] += 0.1 * f64::from(k) / 240.0;
+        past.push(setup.measured_joints(&shared.borrow())[joint]);
+        assert_eq!(port.joints()[joint], past[past.len().saturating_sub(13)]);
+        port.step(&ControlTarget { joints: &target, gripper: GripperCommand::Hold }).unwrap();
+    }
+    assert!((past[59] - past[0] - 0.1 * 58.0 / 240.0).abs() < 0.005, "{} {}", past[0], past[59]);
 }

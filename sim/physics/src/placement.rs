@@ -13,7 +13,7 @@ use grip_sim::condition::{Clutter, Placement};
 use grip_sim::objects::ObjectModel;
 use grip_sim::pose::{self as frame, Pose};
 use grip_sim::rng;
-use grip_sim::scene::{ObjectPlacement, Scene, Table};
+use grip_sim::scene::{ObjectPlacement, PlacedObject, Scene, Table};
 
 /// What a layout must meet beyond lying well on the table, such as being seen; the reason why it does not.
 #[derive(Clone, Copy)]
@@ -61,7 +61,7 @@ pub fn drop_objects(
     mut fresh: impl FnMut() -> Result<World>,
 ) -> Result<(World, Dropped)> {
     settings.validate().map_err(|message| Error::World(format!("placement settings: {message}")))?;
-    let places = scene.objects.fixed(models.iter().map(|model| model.info.name.as_str()));
+    let places = scene.objects.places(models.iter().map(|model| model.info.name.as_str()));
     // Where nothing is left to chance, each attempt is the same.
     let given = !places.is_empty() && places.iter().all(Option::is_some);
     let once = PlacementSettings { attempts: 1, draws: 1, ..settings.clone() };
@@ -81,6 +81,7 @@ pub fn drop_objects(
                 for (model, pose) in placed {
                     world.add_object(model, &pose)?;
                 }
+                layout.freeze(&mut world);
                 Ok(())
             }
             Placement::Stacked(clutter) => {
@@ -103,7 +104,7 @@ pub fn drop_objects(
             }
             let settle_s = world.time() - began;
             let wrong = match placement {
-                Placement::Spread => touching(&world),
+                Placement::Spread => layout.touching(&world),
                 Placement::Stacked(clutter) => too_loose(&world, clutter.touching),
             };
             layout.astray(&world).or(wrong).map_or_else(|| (accept.look)(&world.placed()), Err)?;
@@ -140,11 +141,22 @@ struct Layout<'a> {
 }
 
 impl Layout<'_> {
+    /// The place of its own of each object, if it has one.
+    fn places(&self) -> Vec<Option<&PlacedObject>> {
+        self.scene.objects.places(self.models.iter().map(|model| model.info.name.as_str()))
+    }
+
+    fn freeze(&self, world: &mut World) {
+        let places = self.places();
+        let frozen = places.iter().enumerate().filter(|(_, place)| place.is_some_and(|place| place.frozen));
+        frozen.for_each(|(index, _)| world.freeze(index));
+    }
+
     /// Where objects that are spread out begin: a hand's breadth apart, and as `accept` wants it. Of the many ways to do that
     /// which a seed draws, the first that succeeds; why the others did not is added to `rejected`.
     fn spread(&self, random: &mut ChaCha8Rng, rejected: &mut Vec<String>) -> Option<Vec<Placed>> {
         (0..self.settings.draws).find_map(|_| {
-            self.places(random)
+            self.apart(random)
                 .and_then(|placed| (self.accept.glance)(&placed).map(|()| placed))
                 .map_err(|reason| rejected.push(reason))
                 .ok()
@@ -152,10 +164,10 @@ impl Layout<'_> {
     }
 
     /// Objects with their outlines apart, just above the table.
-    fn places(&self, random: &mut ChaCha8Rng) -> std::result::Result<Vec<Placed>, String> {
+    fn apart(&self, random: &mut ChaCha8Rng) -> std::result::Result<Vec<Placed>, String> {
         let Self { scene, models, settings, .. } = *self;
         let region = &scene.objects;
-        let mut poses = region.fixed(models.iter().map(|model| model.info.name.as_str()));
+        let mut poses: Vec<_> = self.places().into_iter().map(|place| Some(place?.pose)).collect();
         // Fixed places are taken first, so that nothing is dropped on them.
         let mut outlines: Vec<([f64; 2], f64)> = Vec::new();
         for (model, pose) in models.iter().zip(&poses) {
@@ -204,12 +216,13 @@ impl Layout<'_> {
 
     /// Lays the objects on and against each other, one after the other.
     fn stack(&self, world: &mut World, clutter: Clutter, random: &mut ChaCha8Rng) -> Result<LaidOut> {
-        let Self { scene, models, settings, accept } = *self;
-        let region = &scene.objects;
-        let fixed = region.fixed(models.iter().map(|model| model.info.name.as_str()));
-        for (model, fixed) in models.iter().zip(fixed) {
-            if let Some(pose) = fixed {
-                world.add_object(model.clone(), &pose)?;
+        let Self { models, settings, accept, .. } = *self;
+        for (model, place) in models.iter().zip(self.places()) {
+            if let Some(place) = place {
+                let index = world.add_object(model.clone(), &place.pose)?;
+                if place.frozen {
+                    world.freeze(index);
+                }
                 continue;
             }
             let laid_before = world.object_count();
@@ -300,10 +313,20 @@ impl Layout<'_> {
         (0..(limit_s / rest_s).ceil() as usize).any(|_| world.drift(rest_s) < self.settings.drift_m)
     }
 
+    /// Two objects that rolled against each other, if any: spread out means apart, but for two that have places of their own.
+    fn touching(&self, world: &World) -> Option<String> {
+        let places = self.places();
+        (0..world.object_count()).find_map(|i| {
+            let mut others = world.contacts(i).objects.iter();
+            let &other = others.find(|&&other| places[i].is_none() || places[other].is_none())?;
+            Some(format!("{} rolled against {}", world.object(i).info.name, world.object(other).info.name))
+        })
+    }
+
     /// Which object, if any, is not well on the table.
     fn astray(&self, world: &World) -> Option<String> {
         let scene = self.scene;
-        (0..world.object_count()).find_map(|i| {
+        (0..world.object_count()).filter(|i| !world.is_frozen(*i)).find_map(|i| {
             let p = world.truth(i).translation();
             let name = &world.object(i).info.name;
             let Table { height, .. } = scene.table;
@@ -336,14 +359,6 @@ fn commonest(reasons: &[String]) -> String {
         .collect();
     let more = kinds.len().saturating_sub(TOLD);
     told.join("; ") + &if more > 0 { format!("; {more} more reasons") } else { String::new() }
-}
-
-/// Two objects that rolled against each other, if any: spread out means apart.
-fn touching(world: &World) -> Option<String> {
-    (0..world.object_count()).find_map(|i| {
-        let &other = world.contacts(i).objects.first()?;
-        Some(format!("{} rolled against {}", world.object(i).info.name, world.object(other).info.name))
-    })
 }
 
 /// What is wrong with clutter in which fewer objects touch another one than `share` of them.

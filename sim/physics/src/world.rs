@@ -220,6 +220,18 @@ impl World {
         Ok(index)
     }
 
+    /// Makes object `index` a fixed thing where it is.
+    pub(crate) fn freeze(&mut self, index: usize) {
+        if let Some(body) = self.physics.bodies.get_mut(self.objects[index].body) {
+            body.set_body_type(RigidBodyType::Fixed, true);
+        }
+    }
+
+    /// Whether object `index` is fixed where it is.
+    pub fn is_frozen(&self, index: usize) -> bool {
+        self.physics.bodies.get(self.objects[index].body).is_some_and(RigidBody::is_fixed)
+    }
+
     /// Puts object `index` elsewhere, at rest: for laying a scene out, before anything is done in it.
     pub(crate) fn put(&mut self, index: usize, world_from_object: &FramePose<WorldFrame, Object>) {
         if let Some(body) = self.physics.bodies.get_mut(self.objects[index].body) {

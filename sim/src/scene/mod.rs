@@ -199,6 +199,17 @@ impl Scene {
                     "{field}: place number {places}, but objects.names has {named} of it; add it there"
                 ));
             }
+            if placed.frozen {
+                // Trials pack the first objects.
+                let all = objects.names.iter().filter(|name| **name == placed.name).count();
+                let last = objects.names.len() - objects.placed.iter().filter(|other| other.frozen).count();
+                if objects.count.is_some() || all > 1 || objects.names[..last].contains(&placed.name) {
+                    return Err(format!(
+                        "{field}: frozen objects are the last of objects.names, once each, and objects.count draws none; move it there"
+                    ));
+                }
+                continue;
+            }
             let p = placed.pose.translation();
             if !table.holds(p.x, p.y) {
                 return Err(format!(
@@ -385,8 +396,9 @@ gap = 0.03
         assert!(error.contains("place number 3") && error.contains("objects.names has 2"), "{error}");
         let scene: Scene = toml::from_str(&text(|t| two(t) + &at(0.6) + &at(0.7))).unwrap();
         let places =
-            scene.objects.fixed(["005_tomato_soup_can", "011_banana", "005_tomato_soup_can"].into_iter());
-        let x: Vec<_> = places.iter().map(|place| place.as_ref().map(|pose| pose.translation().x)).collect();
+            scene.objects.places(["005_tomato_soup_can", "011_banana", "005_tomato_soup_can"].into_iter());
+        let x: Vec<_> =
+            places.iter().map(|place| place.as_ref().map(|placed| placed.pose.translation().x)).collect();
         assert_eq!(x, [Some(0.6), None, Some(0.7)]);
     }
 

@@ -25,8 +25,8 @@ pub struct ObjectPlacement {
     /// Share of the objects that may lie that are dropped lying on a side, 0 to 1.
     #[serde(default)]
     pub lying_fraction: f64,
-    /// Objects at fixed places, by name; they are not dropped at random. They settle as well. Of several of a name the first is
-    /// at the first place of that name, and so on.
+    /// Objects at places of their own, by name; they are not dropped at random. Of several of a name the first is at the first
+    /// place of that name, and so on.
     #[serde(default)]
     pub placed: Vec<PlacedObject>,
 }
@@ -51,12 +51,12 @@ impl ObjectPlacement {
         index::sample(&mut random, all, count).into_vec()
     }
 
-    /// The fixed place of each of the objects `names`, if it has one.
-    pub fn fixed<'a>(&self, names: impl Iterator<Item = &'a str>) -> Vec<Option<Pose<World, Object>>> {
+    /// The place of its own of each of the objects `names`, if it has one.
+    pub fn places<'a>(&self, names: impl Iterator<Item = &'a str>) -> Vec<Option<&PlacedObject>> {
         let mut places: Vec<&PlacedObject> = self.placed.iter().collect();
         let mut place = |name: &str| {
             let first = places.iter().position(|placed| placed.name == name)?;
-            Some(places.remove(first).pose)
+            Some(places.remove(first))
         };
         names.map(&mut place).collect()
     }
@@ -70,4 +70,8 @@ pub struct PlacedObject {
     pub name: String,
     /// World from object.
     pub pose: Pose<World, Object>,
+    /// Whether it stays exactly there, in the air or within something else as it may be: it is a fixed thing that is seen and stood
+    /// upon, and is not packed. Otherwise it settles, as all do.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub frozen: bool,
 }

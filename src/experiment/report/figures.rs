@@ -13,7 +13,8 @@ use crate::experiment::sweep::errors::Axis;
 use crate::experiment::sweep::fits::ObjectResult;
 use crate::plot::bars::{self, Bar, Bars};
 use crate::plot::{self, Axis as PlotAxis, Curve, Figure, MOST_CURVES, Panel};
-use crate::score::outcome::FirstAttempt;
+use crate::score::outcome::{FirstAttempt, Outcome};
+use crate::setup::CalibrationRecord;
 
 /// Largest errors shown of trials, millimetres, and width of the kernel there.
 const MOST_MM: f64 = 40.0;
@@ -128,6 +129,57 @@ pub fn errors(sources: &Sources) -> Result<Option<String>> {
             panel("First grasps that held", "ADD-S before the grasp, mm", "grasps held, %", held.collect()),
             panel("Accuracy", "threshold of ADD-S, mm", "items within, %", accuracy.collect()),
         ],
+    };
+    plot::svg(&figure).map(Some)
+}
+
+/// Share of items packed over how far off the camera was, a curve a condition and estimator; none where it was not, or always
+/// equally far.
+pub fn calibration_errors(sources: &Sources) -> Result<Option<String>> {
+    type Of = fn(&CalibrationRecord) -> f64;
+    let axes: [(&str, &str, f64, Of); 2] = [
+        ("Shifted", "shift of the camera, mm", 5.0, |record| 1e3 * record.camera_shift_m),
+        ("Turned", "turn of the camera, degrees", 0.5, |record| record.camera_turn_rad.to_degrees()),
+    ];
+    let mut panels = Vec::new();
+    for (title, label, round_to, of) in axes {
+        let mut cases: BTreeMap<String, Vec<(f64, bool)>> = BTreeMap::new();
+        for trial in &sources.trials {
+            let Some(record) = &trial.calibration else { continue };
+            let items = trial.items.iter().map(|item| (of(record), item.outcome == Outcome::Packed));
+            cases.entry(format!("{} {}", trial.condition, trial.estimator)).or_default().extend(items);
+        }
+        let ends = |cases: &[(f64, bool)]| {
+            let xs = cases.iter().map(|(x, _)| *x);
+            (xs.clone().fold(f64::INFINITY, f64::min), xs.fold(0.0, f64::max))
+        };
+        cases.retain(|_, cases| ends(cases).1 - ends(cases).0 > 0.2 * round_to);
+        let most = cases.values().map(|cases| ends(cases).1).fold(0.0, f64::max);
+        if cases.is_empty() {
+            continue;
+        }
+        let most = (most / round_to).ceil() * round_to;
+        let xs = || (0..POINTS).map(|i| most * i as f64 / (POINTS - 1) as f64);
+        let curves = cases.iter().take(MOST_CURVES);
+        panels.push(Panel {
+            title: title.into(),
+            x: PlotAxis::linear(label, 0.0, most),
+            y: PlotAxis::linear("items packed, %", 0.0, 100.0),
+            curves: curves
+                .map(|(name, cases)| {
+                    smooth(format!("{name} ({} items)", cases.len()), cases, xs(), most / 12.0)
+                })
+                .collect(),
+            level: None,
+        });
+    }
+    if panels.is_empty() {
+        return Ok(None);
+    }
+    let figure = Figure {
+        title: "Items packed by a camera that is not where it is believed".into(),
+        columns: 2,
+        panels,
     };
     plot::svg(&figure).map(Some)
 }

@@ -197,12 +197,12 @@ pub fn tables(sources: &Sources) -> Result<Vec<(&'static str, String)>> {
         }
         files.push(("trials", text));
         let mut text = String::from(
-            "seed,scene,condition,estimator,object,instance,outcome,attempts,add_m,adds_m,slip_m\n",
+            "seed,scene,condition,estimator,object,instance,outcome,attempts,add_m,adds_m,slip_m,camera_shift_m,camera_turn_rad\n",
         );
         for (trial, item) in sources.trials.iter().flat_map(|t| t.items.iter().map(move |i| (t, i))) {
             let number = |v: Option<f64>| v.map_or(String::new(), |v| v.to_string());
             text += &format!(
-                "{},{},{},{},{},{},{},{},{},{},{}\n",
+                "{},{},{},{},{},{},{},{},{},{},{},{},{}\n",
                 trial.seed,
                 quoted(&trial.scene),
                 quoted(&trial.condition),
@@ -213,7 +213,9 @@ pub fn tables(sources: &Sources) -> Result<Vec<(&'static str, String)>> {
                 item.attempts,
                 number(item.add_m),
                 number(item.adds_m),
-                number(item.slip_m)
+                number(item.slip_m),
+                number(trial.calibration.map(|record| record.camera_shift_m)),
+                number(trial.calibration.map(|record| record.camera_turn_rad)),
             );
         }
         files.push(("items", text));

@@ -153,6 +153,14 @@ fn packed(page: &mut String, sources: &Sources, cells: &[Cell]) -> Result<()> {
         });
         table(page, &["condition", "estimator", "outcome", "why", "items"], &[4], rows);
     }
+    if let Some(svg) = figures::calibration_errors(sources)? {
+        page.push_str("<h2>Errors of calibration</h2>");
+        page.push_str(&svg);
+        page.push_str(
+            "<p>Items packed against how far the camera was from where the robot believed it: kernel estimates with 95 % intervals, \
+             of the conditions in which it was not always equally far.</p>",
+        );
+    }
     if let Some(svg) = figures::errors(sources)? {
         page.push_str("<h2>Estimates</h2>");
         page.push_str(&svg);

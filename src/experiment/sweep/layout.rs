@@ -151,8 +151,12 @@ impl Layout {
         let monitor = GraspMonitor::begin(&world, 0, hand, &setup.settings.success);
         let shared = SharedWorld::new(&mut world);
         let mut observer = GraspObserver { world: &shared, monitor };
-        let report =
-            execute_steps(&mut WorldPort::new(&shared), &test.steps, &setup.settings.executor, &mut observer);
+        let report = execute_steps(
+            &mut WorldPort::new(&shared, &setup.miscalibration),
+            &test.steps,
+            &setup.settings.executor,
+            &mut observer,
+        );
         let clauses = observer.monitor.clauses;
         let measures = observer.monitor.measures;
         line.opposing_contacts = clauses.opposing_contacts;
