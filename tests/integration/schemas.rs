@@ -82,7 +82,8 @@ fn files_keep_to_their_schemas() {
         let [told, said] = ["asked.jsonl", "gripped.jsonl"].map(|name| tour.path(name));
         let template = root().join("examples/graspers/template.py");
         let command = format!("cmd:sh -c 'tee {told} | python3 {} | tee {said}'", template.display());
-        let more = ["--estimator", "truth", "--grasper", &command, "--renderer", "cpu", "--out", &tour.path("held")];
+        let more =
+            ["--estimator", "truth", "--grasper", &command, "--renderer", "cpu", "--out", &tour.path("held")];
         tour.run(&[&["pack", "--items", "1"], &more[..]].concat());
         tour.has("grasper-request", Path::new(&told));
         tour.has("grasper-reply", Path::new(&said));
