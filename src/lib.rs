@@ -28,6 +28,8 @@
 //! |---|---|
 //! | [`setup`], [`cell`], [`settings`], [`scenario`] | everything that a run depends on: table, bin and robot; objects, condition, camera, seed; one tree of settings; its record and hash |
 //! | [`estimators`] | who estimates poses in a trial |
+//! | [`graspers`] | who plans grasps in a trial |
+//! | [`external`] | programs of others, and what is said to them |
 //! | [`trial`] | one trial: look, believe, choose, act, settle |
 //! | [`score`] | what counts as a success, and what a trial was like |
 //! | [`experiment`] | many trials, sweeps of pose errors, statistics, reports |
@@ -49,6 +51,8 @@ pub mod dataset;
 pub mod estimators;
 pub mod experiment;
 pub mod explain;
+pub mod external;
+pub mod graspers;
 mod html;
 mod matching;
 pub mod mjcf;

@@ -18,6 +18,7 @@ use serde_json::Value;
 use sha2::{Digest, Sha256};
 
 use crate::estimators::Estimator;
+use crate::graspers::Grasper;
 use crate::settings::Settings;
 use crate::setup::Setup;
 
@@ -32,6 +33,8 @@ pub struct ScenarioFile<'a> {
     seed: u64,
     /// Its name, and what its estimates depend on.
     estimator: Value,
+    /// Who plans grasps: its name, and what they depend on.
+    grasper: Value,
     grasps: Option<Digested<'a>>,
     /// How many objects are to be packed: the first of `objects`.
     items: usize,
@@ -90,16 +93,16 @@ pub struct RobotEntry<'a> {
 pub struct Scenario(Value);
 
 impl Scenario {
-    /// Of a trial with `items` of the setup's objects to be packed, by a planner whose grasps are from the folder `grasps` if
-    /// there is one. `renderer` draws: `wgpu` or `cpu`.
+    /// Of a trial with `items` of the setup's objects to be packed, by grasps of `grasper`; those of our own planner are from the folder
+    /// `grasps` if there is one. `renderer` draws: `wgpu` or `cpu`.
     ///
     /// # Errors
     /// When a file of grasps cannot be read.
     pub fn new(
         setup: &Setup,
         estimator: &Estimator,
+        (grasper, grasps): (&Grasper, Option<&Path>),
         items: usize,
-        grasps: Option<&Path>,
         renderer: &str,
     ) -> Result<Self> {
         let digested =
@@ -109,6 +112,7 @@ impl Scenario {
             program: program(),
             seed: setup.seed,
             estimator: estimator.description(),
+            grasper: grasper.description(),
             grasps: grasps.map(digested).transpose()?,
             items,
             object_set: setup.library.set().label(),
@@ -129,7 +133,7 @@ impl Scenario {
     }
 
     /// SHA-256 over everything but the paths of files, whose content counts instead: scene, condition, objects, robot,
-    /// estimator, settings, seed and the program (version, commit, target). Trials with the same hash have the same result on
+    /// estimator, grasp planner, settings, seed and the program (version, commit, target). Trials with the same hash have the same result on
     /// the same kind of machine.
     pub fn hash(&self) -> String {
         let mut value = self.0.clone();
@@ -231,7 +235,7 @@ mod tests {
     fn hash_of(options: SetupOptions, estimator: &Estimator, change: impl Fn(&mut Setup)) -> String {
         let mut setup = Setup::load(&options).unwrap();
         change(&mut setup);
-        Scenario::new(&setup, estimator, 5, None, "cpu").unwrap().hash()
+        Scenario::new(&setup, estimator, (&Grasper::Grip, None), 5, "cpu").unwrap().hash()
     }
 
     fn changed(change: impl Fn(&mut Setup)) -> String {
@@ -264,10 +268,13 @@ mod tests {
             assert_ne!(&plain, other, "{i}");
         }
         let mut setup = Setup::load(&SetupOptions::default()).unwrap();
-        let scenario = Scenario::new(&setup, &Estimator::Truth, 5, None, "cpu").unwrap();
+        let scenario = Scenario::new(&setup, &Estimator::Truth, (&Grasper::Grip, None), 5, "cpu").unwrap();
         assert_eq!(scenario.json()["program"]["version"], env!("CARGO_PKG_VERSION"));
         assert_eq!(scenario.json()["settings"]["success"]["slip_m"], 0.02);
         setup.seed = 3;
-        assert_ne!(scenario, Scenario::new(&setup, &Estimator::Truth, 5, None, "cpu").unwrap());
+        assert_ne!(
+            scenario,
+            Scenario::new(&setup, &Estimator::Truth, (&Grasper::Grip, None), 5, "cpu").unwrap()
+        );
     }
 }

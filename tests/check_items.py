@@ -16,7 +16,7 @@ trials = [json.loads(line) for line in (folder / "trials.jsonl").read_text().spl
 items = [(trial, item) for trial in trials for item in trial["items"]]
 assert len(rows) == len(items) > 0, (len(rows), len(items))
 for row, (trial, item) in zip(rows, items):
-    for field in ("scene", "condition", "estimator", "detector", "object_set", "scenario"):
+    for field in ("scene", "condition", "estimator", "grasper", "detector", "object_set", "scenario"):
         assert row[field] == trial[field], (field, row)
     assert int(row["seed"]) == trial["seed"]
     assert row["packed"] == (item["outcome"] == "packed")

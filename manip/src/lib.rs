@@ -83,7 +83,7 @@ pub use executor::{
     ExecOutcome, ExecStage, ExecutionReport, ExecutorSettings, RobotPort, execute, execute_motion,
     release_in_place,
 };
-pub use grasp::Grasp;
+pub use grasp::{GivenGrasp, Grasp};
 pub use motion::Trajectory;
 pub use pick::{GraspTest, Risk};
 pub use place::PlacePose;

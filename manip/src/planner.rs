@@ -14,7 +14,10 @@ use crate::belief::BeliefScene;
 use crate::collision::{
     CollisionChecker, CollisionQuery, HeldObject, Margins, RobotSolids, unmodelled_obstacles,
 };
-use crate::grasp::{Grasp, GraspCache, GraspSetError, ObjectGrasps, grip_force, read_poses};
+use crate::grasp::{
+    BelievedSurface, GivenGrasp, Grasp, GraspCache, GraspSetError, ObjectGrasps, grip_force, gripped,
+    read_poses,
+};
 use crate::motion::{
     CartesianPath, IkSolver, JointSpace, MotionLimits, SearchStatus, SegmentCheck, SmoothPath, Trajectory,
     Validity, glide, rrt_connect, shortcut, translate,
@@ -151,6 +154,20 @@ impl Planner {
             return Err(GraspSetError { path: path.to_path_buf(), reason });
         }
         Ok([held, poses.len()])
+    }
+
+    /// Which of the belief's objects that are not packed yet each of these grasps is of: the one of which most is between the fingers, or
+    /// else the nearest, up to 3 cm from the middle between the pads; none where there is none.
+    pub fn gripped_objects(&self, belief: &BeliefScene, given: &[GivenGrasp]) -> Vec<Option<usize>> {
+        let surfaces: Vec<(usize, BelievedSurface)> = belief
+            .objects
+            .iter()
+            .enumerate()
+            .filter(|(_, object)| !object.packed)
+            .filter_map(|(i, object)| Some((i, BelievedSurface::new(object, &self.grasps(&object.model))?)))
+            .collect();
+        let surfaces = surfaces.iter().map(|(i, surface)| (*i, surface));
+        given.iter().map(|grasp| gripped(grasp, surfaces.clone(), &self.config.gripper)).collect()
     }
 
     /// What of a frame nothing in `belief` explains, the robot standing at `q` (all movable joints): points of the world for

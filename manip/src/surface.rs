@@ -70,10 +70,14 @@ impl Surface {
         &self.edges
     }
 
+    /// Square metres.
+    pub fn area(&self) -> f64 {
+        self.area[self.area.len() - 1]
+    }
+
     /// A point drawn uniformly by area.
     pub fn sample(&self, rng: &mut impl Rng) -> SurfacePoint {
-        let total = self.area[self.area.len() - 1];
-        let x = rng.random::<f64>() * total;
+        let x = rng.random::<f64>() * self.area();
         let i = self.area.partition_point(|a| *a <= x).min(self.area.len() - 1);
         let (mut u, mut v) = (rng.random::<f64>(), rng.random::<f64>());
         if u + v > 1.0 {

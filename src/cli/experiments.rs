@@ -12,6 +12,7 @@ use grip::estimators::EstimatorKind;
 use grip::experiment::plan::{Shard, TrialsOptions};
 use grip::experiment::sweep::errors::Axis;
 use grip::experiment::sweep::{ErrorPattern, SweepOptions};
+use grip::graspers::GrasperKind;
 use grip::setup::{GROCERY, SetupOptions};
 
 use super::{Detector, DetectorArgs, Renderer, RobotFile, SettingsFile};
@@ -19,7 +20,7 @@ use super::{Detector, DetectorArgs, Renderer, RobotFile, SettingsFile};
 /// `grip trials`.
 #[derive(Debug, Args)]
 pub struct TrialsArgs {
-    /// Trials of each scene, condition and estimator: one a seed, from --seed on.
+    /// Trials of each scene, condition, estimator and grasp planner: one a seed, from --seed on.
     #[arg(long, value_name = "N", default_value_t = 10, value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
     pub trials: u32,
     /// The first seed.
@@ -35,6 +36,10 @@ pub struct TrialsArgs {
     /// truth, csv:FILE, cmd:PROGRAM ARGUMENTS, NAME=cmd:PROGRAM ARGUMENTS.
     #[arg(long, value_name = "LIST", value_delimiter = ',', default_value = "grip")]
     pub estimators: Vec<EstimatorKind>,
+    /// Grasp planners, separated by commas or each behind an option of its own: grip, cmd:PROGRAM ARGUMENTS,
+    /// NAME=cmd:PROGRAM ARGUMENTS (docs/graspers.md).
+    #[arg(long, value_name = "LIST", value_delimiter = ',', default_value = "grip")]
+    pub graspers: Vec<GrasperKind>,
     /// Who proposes boxes.
     #[arg(long, value_enum, default_value_t = Detector::Pyramid)]
     pub detector: Detector,
@@ -181,6 +186,7 @@ impl TrialsArgs {
             scenes: self.scene.clone(),
             conditions: self.conditions.clone(),
             estimators: self.estimators.clone(),
+            graspers: self.graspers.clone(),
             detector: self.detector.into(),
             network: self.network.options(),
             grasps: self.grasps.clone(),

@@ -6,6 +6,7 @@ use std::sync::Arc;
 use anyhow::{Context, Result};
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use grip::estimators::{DetectorKind, EstimatorKind};
+use grip::graspers::GrasperKind;
 use grip::settings::Settings;
 use grip::setup::SetupOptions;
 use grip_sim::robot::{RobotConfig, RobotModel};
@@ -35,7 +36,7 @@ pub struct Cli {
 pub enum Command {
     /// Pack the scene's objects into the bin and score every grasp.
     Pack(PackArgs),
-    /// Run many trials: scenes, conditions and estimators with the same seeds; can be killed, resumed and split.
+    /// Run many trials: scenes, conditions, estimators and grasp planners with the same seeds; can be killed, resumed and split.
     Trials(TrialsArgs),
     /// Put the shards of an experiment together.
     Merge(MergeArgs),
@@ -150,6 +151,10 @@ pub struct PackArgs {
     /// Who renders pose hypotheses.
     #[arg(long, value_enum, default_value_t = Hypotheses::Cpu)]
     pub hypotheses: Hypotheses,
+    /// Who plans grasps: `grip`, from the shape of the objects; or `cmd:PROGRAM ARGUMENTS`, a program that is asked after each look
+    /// (docs/graspers.md), or `NAME=cmd:...`.
+    #[arg(long, value_name = "grip|cmd:PROGRAM", default_value = "grip")]
+    pub grasper: GrasperKind,
     /// Folder of grasps to use instead of those that are found: a file OBJECT.json each, as `grip grasps --out` makes them.
     #[arg(long, value_name = "DIR")]
     pub grasps: Option<PathBuf>,

@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use anyhow::{Result, ensure};
 use grip::estimators::{DetectorKind, Estimator, EstimatorKind};
+use grip::graspers::{GRIP, Grasper, GrasperKind};
 use grip::pictures;
 use grip::run_dir::RunDir;
 use grip::score::outcome::TrialResult;
@@ -45,11 +46,17 @@ pub fn run(args: &PackArgs) -> Result<Done> {
         args.estimator.second_stage().is_some() && detector == DetectorKind::Pyramid,
         "--detector pyramid and --estimator grip or paper",
     )?;
+    ensure!(
+        args.grasps.is_none() || args.grasper == GrasperKind::Grip,
+        "--grasps is for --grasper grip; leave one of them out"
+    );
     let estimator = Estimator::open(&setup, &args.estimator, detector, &network)?;
+    let grasper = Grasper::open(&setup, &args.grasper)?;
     let planner = setup.planner_with_grasps(args.grasps.as_deref())?;
     let mut renderer = render::open(args.scene.renderer.into())?;
     let options = TrialOptions {
         estimator: args.estimator.name(),
+        grasper,
         items: Some(items),
         grasps: args.grasps.clone(),
         pictures: Pictures::All { record: args.record },
@@ -93,6 +100,9 @@ fn default_folder(args: &PackArgs, setup: &Setup) -> PathBuf {
     }
     if setup.hypotheses.name() != "cpu" {
         parts.push(setup.hypotheses.name().into());
+    }
+    if args.grasper != GrasperKind::Grip {
+        parts.push(args.grasper.name());
     }
     if args.grasps.is_some() {
         parts.push("grasps".into());
@@ -201,6 +211,8 @@ fn table(result: &TrialResult) -> String {
     let header = ["object", "outcome", "ADD-S mm", "slip mm", "peak N", "tries", "why"];
     let table = output::table(header, &[2, 3, 4, 5], rows);
     let hypotheses = if result.hypotheses == "cpu" { "" } else { ", hypotheses: gpu" };
+    let grasper =
+        if result.grasper == GRIP { String::new() } else { format!(", grasps of {}", result.grasper) };
     let collisions: String = (result.motion_check.collisions.iter())
         .map(|c| {
             let depth_mm = 1e3 * c.depth_m;
@@ -211,7 +223,7 @@ fn table(result: &TrialResult) -> String {
     let wall_s = result.timing.as_ref().map_or(0.0, |timing| timing.wall_s);
     let mark = if result.estimator == "truth" { " [estimator: truth, a ceiling and no result]" } else { "" };
     format!(
-        "{table}\n\n{} of {} packed in {:.1} s ({:.1} s simulated), objects: {}, renderer: {}{hypotheses}{mark}\n{score}{collisions}",
+        "{table}\n\n{} of {} packed in {:.1} s ({:.1} s simulated), objects: {}, renderer: {}{hypotheses}{grasper}{mark}\n{score}{collisions}",
         result.packed, result.requested, wall_s, result.sim_s, result.object_set, result.renderer
     )
 }

@@ -6,6 +6,7 @@ use grip::estimators::external::protocol::{Reply, Request};
 use grip::experiment::plan::{self, ExperimentFile};
 use grip::experiment::sweep::{self, GraspLine, SweepFile};
 use grip::experiment::trials::{LeftOut, TimingLine};
+use grip::graspers::protocol as graspers;
 use grip::scenario::{self, ScenarioFile};
 use grip::score::outcome::{TRIAL_SCHEMA, TrialResult};
 use grip::settings::Settings;
@@ -39,6 +40,9 @@ pub fn all() -> Vec<(&'static str, Value)> {
         // What an estimator of others is told, and what it may say.
         ("estimator-request", written::<Request<'_>>(None)),
         ("estimator-reply", read::<Reply>(None)),
+        // The same for a grasp planner.
+        ("grasper-request", written::<graspers::Request<'_>>(None)),
+        ("grasper-reply", read::<graspers::Reply>(None)),
         // A trial.
         ("trial", written::<TrialResult>(Some(TRIAL_SCHEMA))),
         ("scenario", written::<ScenarioFile<'_>>(Some(scenario::SCHEMA))),

@@ -26,9 +26,9 @@ pub const SUMMARY_SCHEMA: &str = "grip.experiment.summary/1";
 pub struct ExperimentSummary {
     schema: &'static str,
     trials: usize,
-    /// Of each scene, condition and estimator.
+    /// Of each scene, condition, estimator and grasp planner.
     cells: Vec<Cell>,
-    /// Of each two estimators of the same trials.
+    /// Of each two estimators or grasp planners of the same trials.
     pairs: Vec<Pairs>,
 }
 
@@ -78,7 +78,7 @@ pub fn print(results: &[TrialResult], json: bool) -> Result<()> {
         [
             cell.scene.clone(),
             cell.condition.clone(),
-            cell.estimator.clone(),
+            cell.method(),
             cell.trials.to_string(),
             cell.full.to_string(),
             format!("{} of {}", cell.packed, cell.items),

@@ -22,10 +22,11 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 
-pub use self::external::{CommandLine, EstimatorFailed, External};
+pub use self::external::{EstimatorFailed, External};
 pub use self::grip::Grip;
 pub use self::recorded::Recorded;
 pub use self::stage::SecondStage;
+use crate::external::{CommandLine, named_command};
 use crate::matching::{self, nearest_pairs};
 use crate::setup::Setup;
 
@@ -215,22 +216,8 @@ impl FromStr for EstimatorKind {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
-        if let Some((name, command)) = text.split_once("cmd:") {
-            let name = name.strip_suffix('=');
-            if let Some(name) = name {
-                let plain = |c: char| c.is_ascii_alphanumeric() || "-_.".contains(c);
-                let ours = ["grip", "paper", "paper-guarded", "truth"];
-                if name.is_empty() || !name.chars().all(plain) || ours.contains(&name) {
-                    return Err(format!(
-                        "{name}=cmd: give a name of letters, digits, - _ and ., none of {}",
-                        ours.join(", ")
-                    ));
-                }
-            }
-            if name.is_some() || text.starts_with("cmd:") {
-                let command = command.parse()?;
-                return Ok(Self::Command { name: name.map(str::to_owned), command });
-            }
+        if let Some((name, command)) = named_command(text, &["grip", "paper", "paper-guarded", "truth"])? {
+            return Ok(Self::Command { name, command });
         }
         match (text, text.strip_prefix("csv:")) {
             ("grip", _) => Ok(Self::Grip),

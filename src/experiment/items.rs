@@ -59,6 +59,7 @@ fn columns(trials: &[TrialResult]) -> Vec<(&'static str, Column)> {
         ("scene", text(|t, _| t.scene.clone())),
         ("condition", text(|t, _| t.condition.clone())),
         ("estimator", text(|t, _| t.estimator.clone())),
+        ("grasper", text(|t, _| t.grasper.clone())),
         ("detector", text(|t, _| t.detector.clone())),
         ("object_set", text(|t, _| t.object_set.clone())),
         ("scenario", text(|t, _| t.scenario.clone())),

@@ -1,5 +1,5 @@
-//! Which trials an experiment has: every scene with every condition and estimator, and the same seeds for all, so that
-//! results come in pairs.
+//! Which trials an experiment has: every scene with every condition, estimator and grasp planner, and the same seeds for all, so
+//! that results come in pairs.
 
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
@@ -14,8 +14,9 @@ use serde_json::Value;
 use sha2::{Digest, Sha256};
 
 use crate::estimators::{DetectorKind, Estimator, EstimatorKind, NetworkOptions, Recorded};
+use crate::graspers::{GRIP, Grasper, GrasperKind};
 use crate::scenario::{Program, Scenario, program};
-use crate::score::outcome::TrialResult;
+use crate::score::outcome::{TrialResult, method};
 use crate::setup::{self, Setup, SetupOptions};
 
 /// Version of experiment.json.
@@ -65,6 +66,17 @@ pub struct Key {
     pub condition: String,
     /// The estimator's name.
     pub estimator: String,
+    /// The grasp planner's name; left out where it is our own.
+    #[serde(default = "grip", skip_serializing_if = "is_grip")]
+    pub grasper: String,
+}
+
+fn grip() -> String {
+    GRIP.into()
+}
+
+fn is_grip(grasper: &String) -> bool {
+    grasper == GRIP
 }
 
 impl Key {
@@ -75,20 +87,27 @@ impl Key {
             scene: result.scene.clone(),
             condition: result.condition.clone(),
             estimator: result.estimator.clone(),
+            grasper: result.grasper.clone(),
         }
     }
 
     /// The path of its film in the experiment's folder.
     pub fn film(&self) -> PathBuf {
-        let Self { seed, scene, condition, estimator } = self;
-        Path::new(FILMS).join(format!("{seed}-{scene}-{condition}-{estimator}.jpg"))
+        let Self { seed, scene, condition, estimator, grasper } = self;
+        let by = if is_grip(grasper) { String::new() } else { format!("-{grasper}") };
+        Path::new(FILMS).join(format!("{seed}-{scene}-{condition}-{estimator}{by}.jpg"))
+    }
+
+    /// Who estimated, and who planned grasps where that is not our own planner.
+    pub fn method(&self) -> String {
+        method(&self.estimator, &self.grasper)
     }
 }
 
 /// What an experiment is to be. The default is ten trials of the grocery scene in base light with GRIP.
 #[derive(Debug, Clone)]
 pub struct TrialsOptions {
-    /// Trials of each scene, condition and estimator: one a seed, from the setup's seed on.
+    /// Trials of each scene, condition, estimator and grasp planner: one a seed, from the setup's seed on.
     pub trials: u32,
     /// Scene files; the setup's where it is empty.
     pub scenes: Vec<PathBuf>,
@@ -96,6 +115,8 @@ pub struct TrialsOptions {
     pub conditions: Vec<String>,
     /// Who estimates.
     pub estimators: Vec<EstimatorKind>,
+    /// Who plans grasps.
+    pub graspers: Vec<GrasperKind>,
     /// Who proposes boxes to GRIP.
     pub detector: DetectorKind,
     /// Which network the detector `pyramid` is.
@@ -115,6 +136,7 @@ impl Default for TrialsOptions {
             scenes: Vec::new(),
             conditions: vec!["base".into()],
             estimators: vec![EstimatorKind::Grip],
+            graspers: vec![GrasperKind::Grip],
             detector: DetectorKind::Pyramid,
             network: NetworkOptions::default(),
             grasps: None,
@@ -129,11 +151,14 @@ impl Default for TrialsOptions {
 pub struct ExperimentFile<'a> {
     schema: &'static str,
     program: Program,
-    /// Of each scene, condition and estimator.
+    /// Of each scene, condition, estimator and grasp planner.
     trials: u32,
     first_seed: u64,
     /// As in scenario.json.
     estimators: Vec<Value>,
+    /// As in scenario.json; left out where all grasps are our own planner's.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    graspers: Option<Vec<Value>>,
     /// Of each scene, as in their files.
     conditions: Vec<&'a [ConditionSpec]>,
     /// scenario.json of each scene, but for what differs between its trials.
@@ -151,6 +176,8 @@ pub struct Stage {
     pub planner: Planner,
     /// The estimators.
     pub estimators: Vec<Estimator>,
+    /// The grasp planners.
+    pub graspers: Vec<Grasper>,
 }
 
 /// A trial to be run.
@@ -163,6 +190,8 @@ pub struct Case {
     condition: usize,
     /// Position among the estimators.
     pub estimator: usize,
+    /// Position among the grasp planners.
+    pub grasper: usize,
 }
 
 /// An experiment.
@@ -189,6 +218,12 @@ impl Plan {
         let first_seed = options.setup.seed;
         let estimators: Vec<String> = options.estimators.iter().map(EstimatorKind::name).collect();
         no_name_twice(&estimators, "--estimators")?;
+        let graspers: Vec<String> = options.graspers.iter().map(GrasperKind::name).collect();
+        no_name_twice(&graspers, "--graspers")?;
+        ensure!(
+            options.grasps.is_none() || options.graspers.contains(&GrasperKind::Grip),
+            "--grasps is for grasper grip; leave it out"
+        );
         options.network.check_used(
             options.estimators.iter().any(|kind| kind.second_stage().is_some())
                 && options.detector == DetectorKind::Pyramid,
@@ -244,13 +279,16 @@ impl Plan {
             for (scene, stage) in stages.iter().enumerate() {
                 for (condition, spec) in stage.conditions.iter().enumerate() {
                     for (estimator, name) in estimators.iter().enumerate() {
-                        let key = Key {
-                            seed,
-                            scene: stage.setup.cell.scene.name.clone(),
-                            condition: spec.name.clone(),
-                            estimator: name.clone(),
-                        };
-                        cases.push(Case { key, scene, condition, estimator });
+                        for (grasper, planner) in graspers.iter().enumerate() {
+                            let key = Key {
+                                seed,
+                                scene: stage.setup.cell.scene.name.clone(),
+                                condition: spec.name.clone(),
+                                estimator: name.clone(),
+                                grasper: planner.clone(),
+                            };
+                            cases.push(Case { key, scene, condition, estimator, grasper });
+                        }
                     }
                 }
             }
@@ -260,9 +298,10 @@ impl Plan {
             .map(|stage| {
                 let (setup, any) = (&stage.setup, &stage.estimators[0]);
                 let items = setup.models.len();
-                let scenario = Scenario::new(setup, any, items, options.grasps.as_deref(), renderer)?;
+                let grasps = (&Grasper::Grip, options.grasps.as_deref());
+                let scenario = Scenario::new(setup, any, grasps, items, renderer)?;
                 let mut scenario = scenario.json().clone();
-                for varies in ["seed", "estimator", "condition", "items", "program"] {
+                for varies in ["seed", "estimator", "grasper", "condition", "items", "program"] {
                     scenario.as_object_mut().map(|fields| fields.remove(varies));
                 }
                 Ok(scenario)
@@ -275,6 +314,8 @@ impl Plan {
             trials: options.trials,
             first_seed,
             estimators: stages[0].estimators.iter().map(Estimator::description).collect(),
+            graspers: (options.graspers != [GrasperKind::Grip])
+                .then(|| stages[0].graspers.iter().map(Grasper::description).collect()),
             conditions,
             scenarios,
             shard: options.shard,
@@ -325,7 +366,9 @@ impl Stage {
                 Estimator::open(&setup, kind, options.detector, network)
             })
             .collect::<Result<_>>()?;
-        Ok(Self { setup, conditions, planner, estimators })
+        let graspers =
+            options.graspers.iter().map(|kind| Grasper::open(&setup, kind)).collect::<Result<_>>()?;
+        Ok(Self { setup, conditions, planner, estimators, graspers })
     }
 }
 
@@ -399,7 +442,8 @@ pub fn expected(manifest: &Value) -> usize {
         _ => seeds,
     };
     let conditions: usize = manifest["conditions"].as_array().map_or(0, |all| all.iter().map(count).sum());
-    of_shard * conditions * count(&manifest["estimators"])
+    // Where none is named all grasps are our own planner's.
+    of_shard * conditions * count(&manifest["estimators"]) * count(&manifest["graspers"]).max(1)
 }
 
 /// A JSON file whose `schema` must be this one.
@@ -470,6 +514,9 @@ mod tests {
         assert_eq!(of(Value::Null), 10 * 2 * 6);
         let shards: usize = (1..=4).map(|i| of(json!({ "index": i, "of": 4 }))).sum();
         assert_eq!(shards, 10 * 2 * 6);
+        let graspers =
+            json!({ "trials": 2, "estimators": ["a"], "conditions": [["x"]], "graspers": ["g", "h", "i"] });
+        assert_eq!(expected(&graspers), 2 * 3);
     }
 
     #[test]

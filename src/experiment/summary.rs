@@ -1,4 +1,4 @@
-//! What an experiment has shown, in figures: shares by scene, condition and estimator, and pairs of estimators.
+//! What an experiment has shown, in figures: shares by scene, condition, estimator and grasp planner, and pairs of these two.
 
 use std::collections::BTreeMap;
 
@@ -7,9 +7,9 @@ use serde::Serialize;
 
 use super::plan::Key;
 use super::stats::{mcnemar, wilson};
-use crate::score::outcome::{Outcome, TrialResult};
+use crate::score::outcome::{Outcome, TrialResult, method};
 
-/// The trials of a scene and condition by one estimator.
+/// The trials of a scene and condition by one estimator and one grasp planner.
 #[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub struct Cell {
     /// The scene's name.
@@ -18,6 +18,8 @@ pub struct Cell {
     pub condition: String,
     /// The estimator's name.
     pub estimator: String,
+    /// The grasp planner's name.
+    pub grasper: String,
     /// Trials.
     pub trials: usize,
     /// Trials in which everything was packed.
@@ -36,14 +38,14 @@ pub struct Cell {
     pub collisions: usize,
 }
 
-/// Two estimators on the same items.
+/// Two estimators, or two grasp planners, on the same items.
 #[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub struct Pairs {
     /// The scene's name.
     pub scene: String,
     /// The condition's name.
     pub condition: String,
-    /// The estimators' names.
+    /// The estimators' names, each with that of a grasp planner behind it where that is not our own.
     pub estimators: [String; 2],
     /// Items that both were given: same seed, same place.
     pub items: usize,
@@ -53,15 +55,23 @@ pub struct Pairs {
     pub p: f64,
 }
 
-/// Trials by scene, condition and estimator, in the order of these names.
+impl Cell {
+    /// Who estimated, and who planned grasps where that is not our own planner.
+    pub fn method(&self) -> String {
+        method(&self.estimator, &self.grasper)
+    }
+}
+
+/// Trials by scene, condition, estimator and grasp planner, in the order of these names.
 pub fn cells(trials: &[TrialResult]) -> Vec<Cell> {
-    let mut groups: BTreeMap<[&str; 3], Vec<&TrialResult>> = BTreeMap::new();
+    let mut groups: BTreeMap<[&str; 4], Vec<&TrialResult>> = BTreeMap::new();
     for trial in trials {
-        groups.entry([&trial.scene, &trial.condition, &trial.estimator]).or_default().push(trial);
+        let names = [&*trial.scene, &trial.condition, &trial.estimator, &trial.grasper];
+        groups.entry(names).or_default().push(trial);
     }
     groups
         .into_iter()
-        .map(|([scene, condition, estimator], trials)| {
+        .map(|([scene, condition, estimator, grasper], trials)| {
             let items: usize = trials.iter().map(|t| t.requested).sum();
             let packed: usize = trials.iter().map(|t| t.packed).sum();
             let mut failures = BTreeMap::new();
@@ -72,6 +82,7 @@ pub fn cells(trials: &[TrialResult]) -> Vec<Cell> {
                 scene: scene.into(),
                 condition: condition.into(),
                 estimator: estimator.into(),
+                grasper: grasper.into(),
                 trials: trials.len(),
                 full: trials.iter().filter(|t| t.packed == t.requested).count(),
                 items,
@@ -85,23 +96,23 @@ pub fn cells(trials: &[TrialResult]) -> Vec<Cell> {
         .collect()
 }
 
-/// Every two estimators on the items of each scene and condition that both were given.
+/// Every two estimators and grasp planners on the items of each scene and condition that both were given.
 pub fn pairs(trials: &[TrialResult]) -> Vec<Pairs> {
     type Items<'a> = BTreeMap<(u64, &'a str, u32), bool>;
-    let mut groups: BTreeMap<[&str; 2], BTreeMap<&str, Items<'_>>> = BTreeMap::new();
+    let mut groups: BTreeMap<[&str; 2], BTreeMap<String, Items<'_>>> = BTreeMap::new();
     for trial in trials {
         let Key { seed, .. } = Key::of(trial);
-        let by_estimator = groups.entry([&trial.scene, &trial.condition]).or_default();
-        let items = by_estimator.entry(&trial.estimator).or_default();
+        let by_method = groups.entry([&trial.scene, &trial.condition]).or_default();
+        let items = by_method.entry(trial.method()).or_default();
         for item in &trial.items {
             items.insert((seed, &item.object, item.instance), item.outcome == Outcome::Packed);
         }
     }
     let mut found = Vec::new();
-    for ([scene, condition], by_estimator) in groups {
-        let estimators: Vec<_> = by_estimator.into_iter().collect();
-        for (i, (first, a)) in estimators.iter().enumerate() {
-            for (second, b) in &estimators[i + 1..] {
+    for ([scene, condition], by_method) in groups {
+        let methods: Vec<_> = by_method.into_iter().collect();
+        for (i, (first, a)) in methods.iter().enumerate() {
+            for (second, b) in &methods[i + 1..] {
                 let mut counts = [0; 4];
                 for (item, packed) in a {
                     if let Some(other) = b.get(item) {
@@ -111,7 +122,7 @@ pub fn pairs(trials: &[TrialResult]) -> Vec<Pairs> {
                 found.push(Pairs {
                     scene: scene.into(),
                     condition: condition.into(),
-                    estimators: [(*first).into(), (*second).into()],
+                    estimators: [first.clone(), second.clone()],
                     items: counts.iter().sum(),
                     counts,
                     p: mcnemar(counts[1], counts[2]),
@@ -158,6 +169,7 @@ pub(crate) mod tests {
             scene: "grocery".into(),
             condition: condition.into(),
             estimator: estimator.into(),
+            grasper: "grip".into(),
             detector: "none".into(),
             object_set: "built-in".into(),
             renderer: "cpu".into(),

@@ -1,6 +1,6 @@
 //! Runs the trials of an experiment that are not done yet, on as many threads as asked for.
 //!
-//! A trial depends on its own scene, condition, estimator and seed alone, so that its result is the same on any thread, in
+//! A trial depends on its own scene, condition, estimator, grasp planner and seed alone, so that its result is the same on any thread, in
 //! any order and in any shard.
 
 use std::collections::{BTreeMap, BTreeSet};
@@ -92,20 +92,21 @@ pub fn run(
         while !stop.load(Ordering::Relaxed) {
             let Some(case) = missing.get(next.fetch_add(1, Ordering::Relaxed)) else { break };
             let Key { seed, estimator, .. } = &case.key;
+            let Stage { planner, estimators, graspers, .. } = &plan.stages[case.scene];
             let setup = plan.setup(case);
             let film_all = *seed == plan.first_seed;
             let options = TrialOptions {
                 estimator: estimator.clone(),
+                grasper: graspers[case.grasper].clone(),
                 items: None,
                 grasps: plan.grasps.clone(),
                 pictures: if film_all { Pictures::Film } else { Pictures::FilmOfFailures },
             };
-            let Stage { planner, estimators, .. } = &plan.stages[case.scene];
             let estimator = &estimators[case.estimator];
             let ran = trial::run(&setup, estimator, planner, renderer.as_mut(), options, &Quiet);
             let which = || {
-                let Key { seed, scene, condition, estimator } = &case.key;
-                format!("scene {scene}, condition {condition}, {estimator}, seed {seed}")
+                let Key { seed, scene, condition, .. } = &case.key;
+                format!("scene {scene}, condition {condition}, {}, seed {seed}", case.key.method())
             };
             let trial = match ran {
                 Ok(trial) => trial,
@@ -159,16 +160,16 @@ fn lock(journals: &Mutex<Journals>) -> MutexGuard<'_, Journals> {
     journals.lock().unwrap_or_else(std::sync::PoisonError::into_inner)
 }
 
-/// Shares of items packed until now, by estimator.
+/// Shares of items packed until now, by estimator and grasp planner.
 fn so_far(done: &[TrialResult]) -> String {
-    let estimators: BTreeSet<&str> = done.iter().map(|trial| trial.estimator.as_str()).collect();
-    let shares: Vec<String> = estimators
+    let methods: BTreeSet<String> = done.iter().map(TrialResult::method).collect();
+    let shares: Vec<String> = methods
         .into_iter()
-        .map(|estimator| {
-            let of = done.iter().filter(|trial| trial.estimator == estimator);
+        .map(|method| {
+            let of = done.iter().filter(|trial| trial.method() == method);
             let (packed, requested) =
                 of.fold((0, 0), |(packed, requested), t| (packed + t.packed, requested + t.requested));
-            format!("{estimator} {:.1} % packed", 100.0 * packed as f64 / requested.max(1) as f64)
+            format!("{method} {:.1} % packed", 100.0 * packed as f64 / requested.max(1) as f64)
         })
         .collect();
     shares.join(", ")

@@ -6,6 +6,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::motion_check::MotionCheck;
+use crate::graspers::GRIP;
 use crate::setup::CalibrationRecord;
 
 /// Version of the trial result; changes with every change that could break a reader.
@@ -21,6 +22,8 @@ pub enum Outcome {
     NotPerceived,
     /// An estimator of others crashed, was silent or talked nonsense.
     EstimatorFailed,
+    /// A grasp planner of others crashed, was silent or talked nonsense.
+    GrasperFailed,
     /// Another object than the one believed to be there was handled.
     WrongObject,
     /// No grasp that the arm reaches without collision.
@@ -335,6 +338,9 @@ pub struct TrialResult {
     pub condition: String,
     /// `grip`, or `truth` for a ceiling that is no result.
     pub estimator: String,
+    /// Who planned grasps: `grip`, or a program of others.
+    #[serde(default = "grip")]
+    pub grasper: String,
     /// `pyramid`, `clusters` or `none`.
     pub detector: String,
     /// `built-in`, `ycb` or `bop`.
@@ -365,6 +371,22 @@ pub struct TrialResult {
     pub timing: Option<Timing>,
 }
 
+fn grip() -> String {
+    GRIP.into()
+}
+
+impl TrialResult {
+    /// Who estimated, and who planned grasps where that is not our own planner.
+    pub fn method(&self) -> String {
+        method(&self.estimator, &self.grasper)
+    }
+}
+
+/// An estimator's name; with that of the grasp planner behind it where that is not our own.
+pub(crate) fn method(estimator: &str, grasper: &str) -> String {
+    if grasper == GRIP { estimator.to_owned() } else { format!("{estimator} + {grasper}") }
+}
+
 /// Wall times of a trial, seconds.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Timing {
@@ -390,6 +412,7 @@ impl Outcome {
             Self::Packed => "packed",
             Self::NotPerceived => "not perceived",
             Self::EstimatorFailed => "estimator failed",
+            Self::GrasperFailed => "grasper failed",
             Self::WrongObject => "wrong object",
             Self::NoGrasp => "no reachable grasp",
             Self::NoPlace => "no place in the bin",

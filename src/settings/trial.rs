@@ -19,6 +19,8 @@ pub struct TrialSettings {
     /// How long an estimator of others may take for an answer, seconds, and five times as long for its first one; 0.01 to 3600. Default
     /// 60. After that the trial ends with `estimator_failed`.
     pub estimator_timeout_s: f64,
+    /// The same for a grasp planner of others: after that the trial ends with `grasper_failed`; 0.01 to 3600. Default 60.
+    pub grasper_timeout_s: f64,
     /// When an item may lie in a second way, with at least this share of the belief, the robot looks from elsewhere before it
     /// plans; 0 to 0.5. Default 0: never.
     pub second_look_mass: f64,
@@ -41,6 +43,7 @@ impl Default for TrialSettings {
             max_put_aside: 1,
             max_pushes: 3,
             estimator_timeout_s: 60.0,
+            grasper_timeout_s: 60.0,
             second_look_mass: 0.0,
             second_look_torso_m: 0.1,
             calm_s: 2.0,
@@ -59,6 +62,7 @@ impl TrialSettings {
         within("max_put_aside", f64::from(self.max_put_aside), 0.0, 100.0)?;
         within("max_pushes", f64::from(self.max_pushes), 0.0, 100.0)?;
         within("estimator_timeout_s", self.estimator_timeout_s, 0.01, 3600.0)?;
+        within("grasper_timeout_s", self.grasper_timeout_s, 0.01, 3600.0)?;
         within("second_look_mass", self.second_look_mass, 0.0, 0.5)?;
         within("second_look_torso_m", self.second_look_torso_m, 0.0, 1.0)?;
         within("calm_s", self.calm_s, 0.0, 60.0)?;

@@ -1,6 +1,6 @@
 //! What the robot believes after a look.
 
-use grip_manip::{BeliefScene, BelievedObject};
+use grip_manip::{BeliefScene, BelievedObject, GivenGrasp};
 use grip_sim::frame::CameraFrame;
 use grip_sim::pose::{Camera, Object, Pose, World};
 use nalgebra::Point3;
@@ -15,6 +15,8 @@ pub struct Belief {
     pub scene: BeliefScene,
     /// For each object of the scene its position in the setup's list.
     pub index: Vec<usize>,
+    /// Grasps by others of each object of the scene; none where the planner's own are used.
+    pub grasps: Option<Vec<Vec<GivenGrasp>>>,
 }
 
 impl Belief {
@@ -26,7 +28,7 @@ impl Belief {
         records: &[ItemRecord],
     ) -> Self {
         let settings = &setup.settings.belief;
-        let mut belief = Self { scene: setup.cell.empty_belief(), index: Vec::new() };
+        let mut belief = Self { scene: setup.cell.empty_belief(), index: Vec::new(), grasps: None };
         for (i, posterior) in estimates {
             if posterior.confidence < settings.least_confidence {
                 continue;
@@ -78,6 +80,7 @@ impl Belief {
                 None => {
                     self.scene.objects.remove(at);
                     self.index.remove(at);
+                    self.grasps = None;
                 }
             }
         }

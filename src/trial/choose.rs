@@ -7,6 +7,7 @@ use grip_manip::{PickPlacePlan, PlanStage, PlanStep, Risk};
 use super::Trial;
 use super::belief::Belief;
 use super::look::Seen;
+use crate::graspers::Grasper;
 use crate::score::outcome::{Outcome, Stage};
 
 /// What is to be done next.
@@ -59,7 +60,11 @@ impl Trial<'_> {
         self.progress.message(&format!("look {}: planning for {name}", number + 1));
         let clock = Instant::now();
         let seed = self.setup.stream(&format!("plan/{number}/{i}"));
-        let plan = self.planner.plan_pick_place(&belief.scene, b, &self.joints(), risk, seed);
+        let (scene, q) = (&belief.scene, &self.joints());
+        let plan = match &belief.grasps {
+            None => self.planner.plan_pick_place(scene, b, q, risk, seed),
+            Some(given) => self.planner.plan_pick_place_with(scene, b, &given[b], q, risk, seed),
+        };
         self.records[i].plan_s += clock.elapsed().as_secs_f64();
         match plan {
             Ok(plan) => Some(Choice { object: i, plan, aside: false }),
@@ -72,7 +77,11 @@ impl Trial<'_> {
                     }
                     _ => Outcome::NoPath,
                 };
-                self.records[i].pass_over(outcome, Stage::Plan, failure.to_string());
+                let reason = match &self.options.grasper {
+                    Grasper::Grip => failure.to_string(),
+                    Grasper::Other { name, .. } => format!("{failure}, by grasps of {name}"),
+                };
+                self.records[i].pass_over(outcome, Stage::Plan, reason);
                 None
             }
         }
@@ -87,7 +96,11 @@ impl Trial<'_> {
         let clock = Instant::now();
         let seed = self.setup.stream(&format!("aside/{}/{i}", self.number()));
         let table = self.setup.cell.free_table();
-        let plan = self.planner.plan_put_aside(&belief.scene, b, table, &self.joints(), seed);
+        let (scene, q) = (&belief.scene, &self.joints());
+        let plan = match &belief.grasps {
+            None => self.planner.plan_put_aside(scene, b, table, q, seed),
+            Some(given) => self.planner.plan_put_aside_with(scene, b, &given[b], table, q, seed),
+        };
         self.records[i].plan_s += clock.elapsed().as_secs_f64();
         plan.map_err(|failure| log::debug!("aside: {failure}")).ok().map(|plan| Choice {
             object: i,

@@ -13,6 +13,7 @@ use nalgebra::Point3;
 use super::report::LookPictures;
 use super::{Pictures, Trial};
 use crate::estimators::{Estimates, Estimator, Look, told_apart};
+use crate::graspers::Grasper;
 use crate::pictures;
 use crate::score;
 use crate::score::record::ItemRecord;
@@ -114,6 +115,7 @@ impl Trial<'_> {
         let (setup, shot) = (self.setup, self.cameras.len());
         // By true poses only depth is looked at, for what else is in the way; a picture is most of such a trial's work.
         let colour = !matches!(self.estimator, Estimator::Truth)
+            || matches!(self.options.grasper, Grasper::Other { .. })
             || matches!(self.options.pictures, Pictures::All { .. });
         let frame = match colour {
             true => setup.capture(&self.world, self.renderer, shot)?.0,
@@ -219,7 +221,7 @@ impl Trial<'_> {
     }
 
     /// Labels of objects drawn alone at believed poses, as the camera of `frame` would see them.
-    fn outlines(
+    pub(super) fn outlines(
         &mut self,
         frame: &CameraFrame,
         believed: impl Iterator<Item = (usize, Pose<WorldFrame, Object>)>,

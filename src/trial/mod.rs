@@ -6,6 +6,7 @@
 //! | `look` | looking: frames, estimates, a second view |
 //! | `port` | the robot port over the physics world, and the score's window on it |
 //! | `belief` | what the robot believes after a look |
+//! | `grasps` | what grasp planners of others are asked, and which object their grasps are of |
 //! | `choose` | what is to be done next: pick, put aside or push |
 //! | `film` | pictures of a trial from outside |
 //! | `report` | report.html |
@@ -17,6 +18,7 @@ mod belief;
 pub mod bop;
 mod choose;
 pub mod film;
+mod grasps;
 mod look;
 mod port;
 pub mod report;
@@ -43,6 +45,7 @@ use self::port::TrialObserver;
 pub(crate) use self::port::{SharedWorld, WorldPort};
 use self::report::LookPictures;
 use crate::estimators::{Estimates, Estimator, EstimatorFailed};
+use crate::graspers::{Grasper, GrasperFailed};
 use crate::progress::Progress;
 use crate::scenario::Scenario;
 use crate::score::outcome::{ItemTiming, Measures, Outcome, Stage, TRIAL_SCHEMA, Timing, TrialResult};
@@ -55,6 +58,8 @@ use crate::setup::Setup;
 pub struct TrialOptions {
     /// The estimator's name in outputs.
     pub estimator: String,
+    /// Who plans grasps.
+    pub grasper: Grasper,
     /// How many of the scene's objects are to be packed, the first of them; all where none is given. The rest is clutter.
     pub items: Option<usize>,
     /// The folder of grasp files that the planner was made with, if it was.
@@ -151,15 +156,18 @@ pub fn run(
     while trial.is_open() && fruitless < setup.settings.trial.max_fruitless_looks {
         let seen = match trial.look() {
             Ok(seen) => seen,
-            Err(error) => match error.downcast::<EstimatorFailed>() {
-                Ok(failure) => {
-                    trial.give_up(&failure);
-                    break;
-                }
-                Err(error) => return Err(error),
-            },
+            Err(error) => {
+                let failure = error.downcast::<EstimatorFailed>()?;
+                trial.give_up(Outcome::EstimatorFailed, Stage::Look, &failure);
+                break;
+            }
         };
-        let belief = trial.believe(&seen);
+        let mut belief = trial.believe(&seen);
+        if let Err(error) = trial.ask_for_grasps(&seen, &mut belief) {
+            let failure = error.downcast::<GrasperFailed>()?;
+            trial.give_up(Outcome::GrasperFailed, Stage::Plan, &failure);
+            break;
+        }
         // Before a risk is taken, what is too crowded is pushed apart.
         let careful = trial.choose(&belief, &seen, Risk::Averse);
         let push = if careful.is_none() { trial.plan_push(&belief) } else { None };
@@ -218,7 +226,8 @@ impl<'a> Trial<'a> {
         progress.message("settling the scene");
         let (world, dropped) = setup.drop_objects()?;
         log::info!("scene settled in {:.1} s, {} layouts rejected", dropped.settle_s, dropped.rejected.len());
-        let scenario = Scenario::new(setup, estimator, items, options.grasps.as_deref(), renderer.name())?;
+        let grasps = (&options.grasper, options.grasps.as_deref());
+        let scenario = Scenario::new(setup, estimator, grasps, items, renderer.name())?;
         Ok(Self {
             film: Film::new(setup, options.pictures == Pictures::All { record: true }),
             setup,
@@ -485,11 +494,11 @@ impl<'a> Trial<'a> {
         score::locations(&self.world, &self.setup.cell.scene, &self.setup.settings.success)
     }
 
-    /// Ends what is left to pack: nobody says where it is.
-    fn give_up(&mut self, failure: &EstimatorFailed) {
-        log::warn!("seed {}: the estimator failed: {failure}", self.setup.seed);
+    /// Ends what is left to pack: nobody says where it is, or how to grip it.
+    fn give_up(&mut self, outcome: Outcome, stage: Stage, failure: &dyn std::error::Error) {
+        log::warn!("seed {}: {}: {failure}", self.setup.seed, outcome.words());
         for i in self.open_items() {
-            self.records[i].fail(Outcome::EstimatorFailed, Stage::Look, failure.to_string());
+            self.records[i].fail(outcome, stage, failure.to_string());
         }
     }
 
@@ -536,6 +545,7 @@ impl<'a> Trial<'a> {
             scene: setup.cell.scene.name.clone(),
             condition: setup.condition.name.clone(),
             estimator: self.options.estimator,
+            grasper: self.options.grasper.name().to_owned(),
             detector: self.estimator.detector().into(),
             object_set: setup.library.set().label().into(),
             renderer: renderer.name().into(),

@@ -53,8 +53,9 @@ pub fn html(trial: &TrialRecord) -> Result<String> {
     }
     let _ = write!(
         page,
-        "<p>Estimator {}, detector {}, objects {}, renderer {}, hypotheses {}. {:.1} s simulated in {:.1} s. State <code>{}</code>.</p>",
+        "<p>Estimator {}, grasps of {}, detector {}, objects {}, renderer {}, hypotheses {}. {:.1} s simulated in {:.1} s. State <code>{}</code>.</p>",
         result.estimator,
+        result.grasper,
         result.detector,
         result.object_set,
         result.renderer,

@@ -50,13 +50,35 @@ pub fn edited_scene(folder: &Path, edit: impl Fn(String) -> String) -> PathBuf {
     path
 }
 
-/// Whether there is a Python for estimators that need no packages; must be where `GRIP_REQUIRE_PYTHON` is set.
+/// A scene of two objects, whose trials are short.
+pub fn small_scene(folder: &Path) -> String {
+    let scene = edited_scene(folder, |text| {
+        let names = text.find("names = [").unwrap();
+        let end = names + text[names..].find(']').unwrap() + 1;
+        format!("{}names = [\"005_tomato_soup_can\", \"004_sugar_box\"]{}", &text[..names], &text[end..])
+    });
+    scene.to_str().unwrap().to_owned()
+}
+
+/// The path of a file of the project.
+pub fn script(name: &str) -> String {
+    root().join(name).to_str().unwrap().to_owned()
+}
+
+/// The results of an experiment.
+pub fn trials(folder: &Path) -> Vec<serde_json::Value> {
+    let text = std::fs::read_to_string(folder.join("trials.jsonl")).unwrap();
+    text.lines().map(|line| serde_json::from_str(line).unwrap()).collect()
+}
+
+/// Whether there is a Python for programs that need no packages; must be where `GRIP_REQUIRE_PYTHON` is set.
 pub fn has_python() -> bool {
     has_python_with("json")
 }
 
+/// The same with these modules, separated by commas.
 #[allow(clippy::print_stdout, reason = "tests")]
-fn has_python_with(modules: &str) -> bool {
+pub fn has_python_with(modules: &str) -> bool {
     let ready = Command::new("python3").args(["-c", &format!("import {modules}")]).output();
     let ready = ready.is_ok_and(|output| output.status.success());
     assert!(

@@ -4,27 +4,8 @@ use std::path::Path;
 
 use serde_json::Value;
 
-use crate::common::{code, edited_scene, grip, has_python, root, stderr, stdout};
+use crate::common::{code, grip, has_python, script, small_scene, stderr, stdout, trials};
 use crate::estimate::{data_set, truth};
-
-/// A scene of two objects, whose trials are short.
-fn small_scene(folder: &Path) -> String {
-    let scene = edited_scene(folder, |text| {
-        let names = text.find("names = [").unwrap();
-        let end = names + text[names..].find(']').unwrap() + 1;
-        format!("{}names = [\"005_tomato_soup_can\", \"004_sugar_box\"]{}", &text[..names], &text[end..])
-    });
-    scene.to_str().unwrap().to_owned()
-}
-
-fn script(name: &str) -> String {
-    root().join(name).to_str().unwrap().to_owned()
-}
-
-fn trials(folder: &Path) -> Vec<Value> {
-    let text = std::fs::read_to_string(folder.join("trials.jsonl")).unwrap();
-    text.lines().map(|line| serde_json::from_str(line).unwrap()).collect()
-}
 
 #[test]
 fn a_program_that_is_asked_at_each_look_packs_what_it_sees() {

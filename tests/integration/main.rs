@@ -13,6 +13,7 @@ mod experiments;
 mod explain;
 mod figures;
 mod golden;
+mod graspers;
 mod init;
 mod input;
 mod metrics;

@@ -79,6 +79,14 @@ fn files_keep_to_their_schemas() {
         tour.run(&[&["pack"], &more[..]].concat());
         tour.has("estimator-request", Path::new(&told));
         tour.has("estimator-reply", Path::new(&said));
+        let [told, said] = ["asked.jsonl", "gripped.jsonl"].map(|name| tour.path(name));
+        let template = root().join("examples/graspers/template.py");
+        let command = format!("cmd:sh -c 'tee {told} | python3 {} | tee {said}'", template.display());
+        let more =
+            ["--estimator", "truth", "--grasper", &command, "--renderer", "cpu", "--out", &tour.path("held")];
+        tour.run(&[&["pack", "--items", "1"], &more[..]].concat());
+        tour.has("grasper-request", Path::new(&told));
+        tour.has("grasper-reply", Path::new(&said));
     }
     // In base light there is no room for its objects, and the trial is left out.
     let scene =

@@ -2,6 +2,7 @@
 
 mod antipodal;
 mod contact;
+mod given;
 mod grasp_set;
 mod grip_force;
 mod object_grasps;
@@ -11,6 +12,8 @@ mod settings;
 
 pub use antipodal::{GraspCandidate, antipodal_grasps, friction_cone, grasp_at, narrow_opening};
 pub use contact::{PadContact, RayGrid, pad_contact};
+pub use given::GivenGrasp;
+pub(crate) use given::{BelievedSurface, free_given, gripped};
 pub use grasp_set::{GraspFile, GraspPose, GraspSet, GraspSetError, read_poses};
 pub use grip_force::{GripForceSettings, grip_force};
 pub use object_grasps::{GraspCache, ObjectGrasps};

@@ -2,7 +2,7 @@
 
 use grip_sim::pose::{Gripper, Object, Pose, World};
 use grip_sim::robot::GripperConfig;
-use nalgebra::Vector3;
+use nalgebra::{Isometry3, Vector3};
 use serde::Serialize;
 
 use super::antipodal::narrow_opening;
@@ -86,12 +86,7 @@ pub fn rank_grasps(
         GraspCounters { candidates: grasps.candidates.len(), oriented: scored.len(), ..Default::default() };
 
     let allowed = hand_may_touch(checker.robot(), target);
-    let query = CollisionQuery {
-        held: None,
-        allowed: &allowed,
-        margins: Margins { world: settings.margin, own: 0.0, spread: settings.spread_share },
-    };
-    let sweep = CollisionQuery { margins: Margins { world: 0.0, ..query.margins }, ..query };
+    let hand = HandCheck::new(checker, &allowed, settings);
     let mut kept: Vec<Grasp> = Vec::new();
     for Scored { score, lever, candidate, world_from_gripper } in scored {
         // A bound on the work in hopeless clutter.
@@ -103,32 +98,20 @@ pub fn rank_grasps(
         }
         counters.tried += 1;
         let base_from_gripper = base_from_world * world_from_gripper.iso();
-        let approach = base_from_gripper * Vector3::x();
         let free = |opening: f64| {
-            [0.0, 0.03, 0.06, settings.standoff].iter().all(|back| {
-                let mut at = base_from_gripper;
-                at.translation.vector -= approach * *back;
-                checker.hand_collision(&at, opening, &query).is_none()
-            })
-        };
-        // A finger must not stand beyond a wall or a neighbour that is between it and the object.
-        let closes = |opening: f64| {
-            let steps = ((opening - candidate.width) / CLOSING_STEP).ceil().max(1.0);
-            (1..=steps as usize).all(|k| {
-                let at = opening + (candidate.width - opening) * k as f64 / steps;
-                checker.hand_collision(&base_from_gripper, at, &sweep).is_none()
-            })
+            hand.is_free(&base_from_gripper, opening)
+                && hand.closes(&base_from_gripper, opening, candidate.width)
         };
         let narrow = narrow_opening(candidate.width, gripper, &settings.antipodal);
-        let opening = if candidate.fits_wide && free(gripper.opening) && closes(gripper.opening) {
+        let opening = if candidate.fits_wide && free(gripper.opening) {
             gripper.opening
-        } else if free(narrow) && closes(narrow) {
+        } else if free(narrow) {
             narrow
         } else {
             continue;
         };
         counters.free += 1;
-        let clearance = checker.hand_clearance(&base_from_gripper, opening, &query, settings.clearance_full);
+        let clearance = hand.clearance(&base_from_gripper, opening);
         kept.push(Grasp {
             object_from_gripper: candidate.object_from_gripper,
             world_from_gripper,
@@ -144,8 +127,52 @@ pub fn rank_grasps(
     (kept, counters)
 }
 
+/// Whether the hand is free of everything but the object that it grasps.
+pub(super) struct HandCheck<'a> {
+    checker: &'a CollisionChecker,
+    settings: &'a GraspSettings,
+    query: CollisionQuery<'a>,
+}
+
+impl<'a> HandCheck<'a> {
+    /// `allowed` is what the hand may touch ([`hand_may_touch`]).
+    pub fn new(
+        checker: &'a CollisionChecker,
+        allowed: &'a [CollisionPair],
+        settings: &'a GraspSettings,
+    ) -> Self {
+        let margins = Margins { world: settings.margin, own: 0.0, spread: settings.spread_share };
+        Self { checker, settings, query: CollisionQuery { held: None, allowed, margins } }
+    }
+
+    /// At a grasp and on the way in.
+    pub fn is_free(&self, base_from_gripper: &Isometry3<f64>, opening: f64) -> bool {
+        let approach = base_from_gripper * Vector3::x();
+        [0.0, 0.03, 0.06, self.settings.standoff].iter().all(|back| {
+            let mut at = *base_from_gripper;
+            at.translation.vector -= approach * *back;
+            self.checker.hand_collision(&at, opening, &self.query).is_none()
+        })
+    }
+
+    /// While it closes from `opening` to `width`: a finger must not stand beyond a wall or a neighbour that is between it and the object.
+    pub fn closes(&self, base_from_gripper: &Isometry3<f64>, opening: f64, width: f64) -> bool {
+        let sweep = CollisionQuery { margins: Margins { world: 0.0, ..self.query.margins }, ..self.query };
+        let steps = ((opening - width) / CLOSING_STEP).ceil().max(1.0);
+        (1..=steps as usize).all(|k| {
+            let at = opening + (width - opening) * k as f64 / steps;
+            self.checker.hand_collision(base_from_gripper, at, &sweep).is_none()
+        })
+    }
+
+    /// Its distance from everything else, metres, at most [`GraspSettings::clearance_full`].
+    pub fn clearance(&self, base_from_gripper: &Isometry3<f64>, opening: f64) -> f64 {
+        self.checker.hand_clearance(base_from_gripper, opening, &self.query, self.settings.clearance_full)
+    }
+}
+
 /// Whether two grasps count as one.
-fn alike(a: &Pose<World, Gripper>, b: &Pose<World, Gripper>, settings: &GraspSettings) -> bool {
+pub(super) fn alike(a: &Pose<World, Gripper>, b: &Pose<World, Gripper>, settings: &GraspSettings) -> bool {
     (a.translation() - b.translation()).norm() < settings.distinct_distance
         && a.angle_to(b) < settings.distinct_angle
 }

@@ -1,5 +1,6 @@
 //! Picking: a whole pick and place, a push where nothing can be picked, and tests of single grasps.
 
+mod given;
 mod grasp_test;
 mod pick_place;
 mod push;

@@ -8,7 +8,7 @@ use rand_chacha::ChaCha8Rng;
 
 use crate::belief::{BeliefScene, BinGeometry};
 use crate::collision::{CollisionBody, CollisionChecker, CollisionPair, CollisionQuery, HeldObject};
-use crate::grasp::{Grasp, HandFrom, ObjectGrasps, hand_may_touch, rank_grasps};
+use crate::grasp::{GivenGrasp, Grasp, HandFrom, ObjectGrasps, hand_may_touch, rank_grasps};
 use crate::motion::{CartesianPath, Trajectory, straight_line, translate};
 use crate::place::{PlacePose, PlaceSettings, place_poses};
 use crate::plan::{
@@ -54,13 +54,15 @@ struct Placed {
 
 /// The state of one planning call.
 pub(crate) struct Attempt<'a> {
-    planner: &'a Planner,
-    belief: &'a BeliefScene,
+    pub(super) planner: &'a Planner,
+    pub(super) belief: &'a BeliefScene,
     pub(crate) checker: CollisionChecker,
-    target: usize,
+    pub(super) target: usize,
     risk: Risk,
     /// What becomes of a place: see [`Planner::plan_put_aside`].
     aside: bool,
+    /// Grasps by others, and no other ones.
+    given: Option<&'a [GivenGrasp]>,
     q_now: Vec<f64>,
     base_from_world: Isometry3<f64>,
     touch: Vec<CollisionPair>,
@@ -82,7 +84,7 @@ impl Planner {
         risk: Risk,
         seed: u64,
     ) -> Result<PickPlacePlan, PlanFailure> {
-        self.plan_to(belief, target, q_now, (risk, false), seed)
+        self.plan_to(belief, target, None, q_now, (risk, false), seed)
     }
 
     /// Plans to put the object down elsewhere on the table, without a risk ([`Risk::Averse`]), where it stands on the table itself: from
@@ -99,13 +101,14 @@ impl Planner {
         seed: u64,
     ) -> Result<PickPlacePlan, PlanFailure> {
         let belief = BeliefScene { bin: table, ..belief.clone() };
-        self.plan_to(&belief, target, q_now, (Risk::Averse, true), seed)
+        self.plan_to(&belief, target, None, q_now, (Risk::Averse, true), seed)
     }
 
-    fn plan_to(
+    pub(super) fn plan_to(
         &self,
         belief: &BeliefScene,
         target: usize,
+        given: Option<&[GivenGrasp]>,
         q_now: &[f64],
         (risk, aside): (Risk, bool),
         seed: u64,
@@ -122,7 +125,7 @@ impl Planner {
             return Err(fail((PlanStage::Input, reason), PlanCounters::default()));
         }
         let belief = snapped_to_ground(belief, self.settings.table_snap);
-        let mut attempt = Attempt { aside, ..Attempt::new(self, &belief, target, q_now, risk) };
+        let mut attempt = Attempt { aside, given, ..Attempt::new(self, &belief, target, q_now, risk) };
         let mut rng = grip_sim::rng::stream(seed, "pick and place");
         let plan = attempt.plan(&mut rng);
         let Attempt { mut counters, failed, .. } = attempt;
@@ -150,6 +153,7 @@ impl<'a> Attempt<'a> {
             planner,
             risk,
             aside: false,
+            given: None,
             checker: CollisionChecker::new(planner.robot.clone(), belief),
             target,
             q_now: planner.clamped(q_now),
@@ -164,6 +168,9 @@ impl<'a> Attempt<'a> {
     fn plan(&mut self, rng: &mut ChaCha8Rng) -> Option<PickPlacePlan> {
         let object = &self.belief.objects[self.target];
         let known = self.planner.grasps(&object.model);
+        if let Some(given) = self.given {
+            return self.plan_given(given, &known, rng);
+        }
         let (mut tried, mut places) = (Vec::new(), None);
         for from in [HandFrom::Above, HandFrom::Front] {
             let plan = self.plan_from(from, &known, &mut tried, &mut places, rng);
@@ -212,6 +219,19 @@ impl<'a> Attempt<'a> {
         });
         grasps.truncate(settings.grasp_tries);
         tried.extend(grasps.iter().map(|grasp| grasp.object_from_gripper));
+        self.plan_by(grasps, places, rng)
+    }
+
+    /// By the first of these grasps that leads to a place.
+    pub(super) fn plan_by(
+        &mut self,
+        grasps: Vec<Grasp>,
+        places: &mut Option<Vec<PlacePose>>,
+        rng: &mut ChaCha8Rng,
+    ) -> Option<PickPlacePlan> {
+        let planner = self.planner;
+        let settings = &planner.settings;
+        let averse = self.risk == Risk::Averse;
         for grasp in grasps {
             let Some(picked) = self.pick(grasp) else {
                 continue;

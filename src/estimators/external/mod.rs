@@ -1,76 +1,32 @@
 //! An estimator of others: a program that is handed what the camera saw, a line at a time, and says where the objects are
 //! ([docs/estimators.md](../../../docs/estimators.md)).
-//!
-//! Each thread that looks has a process of its own, which lives as long as the thread's trials go on. What a process does wrong, ends,
-//! is silent or talks nonsense, is the fault of the trial that it happens in ([`EstimatorFailed`]): the next one gets a new process.
 
-mod child;
-mod npy;
 pub mod protocol;
 // Their estimators are shell scripts.
 #[cfg(test)]
 #[cfg(unix)]
 mod tests;
 
-use std::collections::HashMap;
-use std::path::{Path, PathBuf};
-use std::str::FromStr;
-use std::sync::atomic::{AtomicU64, Ordering};
-use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
-use std::thread::ThreadId;
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use anyhow::{Context, Result};
+use anyhow::Result;
 use grip_perception::{Detections, PosePosterior, Workspace};
 use grip_sim::bop;
 use grip_sim::frame::CameraFrame;
 use grip_sim::objects::ObjectModel;
 use grip_sim::pose::{Camera, Object, Pose, World};
-use grip_sim::unfinished::Unfinished;
-use nalgebra::Isometry3;
 use serde_json::{Value, json};
 
-use self::child::LineProcess;
-use self::protocol::{Asked, Found, LookRequest, Model, Place, Proposal, Reply, Request, Space, Transform};
+use self::protocol::{Asked, Found, LookRequest, Place, Proposal, Reply, Request};
 use super::{Estimates, Look, Perception};
 use crate::benchmark::FileBox;
+use crate::external::protocol::{Model, View, finite, same_version};
+use crate::external::{CommandLine, Dialogue, PROGRAM, Programs, reply};
 use crate::setup::Setup;
 
-/// How much longer than for an answer is waited for the first one: a network has to be loaded.
-const START: u32 = 5;
 /// Boxes of an object that are told.
 const MOST_BOXES: usize = 100;
-
-/// A command line: a program and its arguments.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct CommandLine {
-    /// As it was given.
-    pub text: String,
-    words: Vec<String>,
-}
-
-impl FromStr for CommandLine {
-    type Err = String;
-
-    /// By the rules of a POSIX shell for words and quotes; nothing is expanded.
-    fn from_str(text: &str) -> Result<Self, String> {
-        let words = shlex::split(text).ok_or_else(|| format!("{text}: a quote is not closed"))?;
-        if words.is_empty() {
-            return Err("no program is named behind cmd:".into());
-        }
-        Ok(Self { text: text.to_owned(), words })
-    }
-}
-
-impl CommandLine {
-    /// For outputs: the stem of the first word that names a file, behind an interpreter if there is one.
-    pub fn name(&self) -> String {
-        let stem =
-            |word: &String| Path::new(word).file_stem().map(|stem| stem.to_string_lossy().into_owned());
-        let script = self.words.iter().skip(1).find(|word| Path::new(word).extension().is_some());
-        script.and_then(stem).or_else(|| stem(&self.words[0])).unwrap_or_default()
-    }
-}
 
 /// What an estimator of others did wrong: the end of a trial, and no fault of ours.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -86,31 +42,9 @@ impl std::error::Error for EstimatorFailed {}
 
 /// A program of others that estimates poses.
 pub struct External {
-    command: CommandLine,
-    timeout: Duration,
+    programs: Programs<Estimating>,
     /// The spaces over the table and in the bin; none for images of a data set.
     cell: Option<[Workspace; 2]>,
-    /// All that may be asked for.
-    models: Vec<Arc<ObjectModel>>,
-    /// Made when the first process is started.
-    folder: OnceLock<Folder>,
-    /// Of the first greeting, for whoever looks first.
-    spare: Mutex<Option<Session>>,
-    processes: Mutex<HashMap<ThreadId, Session>>,
-    ids: AtomicU64,
-}
-
-/// Where models and pictures are for the estimator to read; gone with it.
-struct Folder {
-    place: Unfinished,
-    models: Vec<Model>,
-}
-
-/// A process that has said hello, and where it finds its pictures.
-struct Session {
-    process: LineProcess,
-    rgb: PathBuf,
-    depth: PathBuf,
 }
 
 /// What is asked.
@@ -125,6 +59,33 @@ struct Question<'a> {
     /// Positions in `models`.
     asked: &'a [usize],
     boxes: Vec<Proposal>,
+}
+
+/// What is spoken with an estimator.
+struct Estimating;
+
+impl Dialogue for Estimating {
+    type Greeting = ();
+
+    fn hello(&self, models: &[Model]) -> serde_json::Result<String> {
+        serde_json::to_string(&Request::Hello { protocol: protocol::VERSION, program: PROGRAM, models })
+    }
+
+    fn greeted(&self, answer: &str) -> Result<(), String> {
+        match reply(answer)? {
+            Reply::Hello { protocol, name, version } => {
+                same_version(protocol, protocol::VERSION)?;
+                log::info!("estimator {name} {version}");
+                Ok(())
+            }
+            Reply::Error { message } => Err(message),
+            Reply::Poses { .. } => Err("it said poses before hello".into()),
+        }
+    }
+
+    fn failed(reason: String) -> anyhow::Error {
+        EstimatorFailed(reason).into()
+    }
 }
 
 impl External {
@@ -151,54 +112,9 @@ impl External {
         cell: Option<[Workspace; 2]>,
         models: Vec<Arc<ObjectModel>>,
     ) -> Result<Self> {
-        let external = Self {
-            command: command.clone(),
-            timeout: Duration::from_secs_f64(timeout_s),
-            cell,
-            models,
-            folder: OnceLock::new(),
-            spare: Mutex::new(None),
-            processes: Mutex::new(HashMap::new()),
-            ids: AtomicU64::new(0),
-        };
-        let greeted = external.session(external.folder()?)?;
-        *lock(&external.spare) = Some(greeted);
-        Ok(external)
-    }
-
-    /// The models, written when first asked for.
-    fn folder(&self) -> Result<&Folder> {
-        if let Some(folder) = self.folder.get() {
-            return Ok(folder);
-        }
-        let made = make_folder(&self.models)?;
-        Ok(self.folder.get_or_init(|| made))
-    }
-
-    /// A process that has said hello.
-    fn session(&self, folder: &Folder) -> Result<Session, EstimatorFailed> {
-        let failed = |reason: String| EstimatorFailed(format!("{}: {reason}", self.command.text));
-        let mut process = LineProcess::start(&self.command.words).map_err(failed)?;
-        let program = concat!("grip ", env!("CARGO_PKG_VERSION"));
-        let hello = Request::Hello { protocol: protocol::VERSION, program, models: &folder.models };
-        let line = serde_json::to_string(&hello).map_err(|error| failed(error.to_string()))?;
-        let answer = process.ask(&line, START * self.timeout).map_err(failed)?;
-        match reply(&answer).map_err(failed)? {
-            Reply::Hello { protocol: protocol::VERSION, name, version } => {
-                log::info!("estimator {name} {version}");
-            }
-            Reply::Hello { protocol, .. } => {
-                return Err(failed(format!(
-                    "it speaks protocol {protocol}, and this program {}",
-                    protocol::VERSION
-                )));
-            }
-            Reply::Error { message } => return Err(failed(message)),
-            Reply::Poses { .. } => return Err(failed("it said poses before hello".into())),
-        }
-        let number = self.ids.fetch_add(1, Ordering::Relaxed);
-        let file = |kind: &str| folder.place.path().join(format!("{kind}-{number}.npy"));
-        Ok(Session { process, rgb: file("rgb"), depth: file("depth") })
+        let programs = Programs::new(Estimating, command, Duration::from_secs_f64(timeout_s), models);
+        programs.start(|()| ())?;
+        Ok(Self { programs, cell })
     }
 
     /// Where `objects` are in an image of a data set, positions in it, by its number of the scene and its own; `boxes` are where a
@@ -243,36 +159,18 @@ impl External {
     }
 
     fn ask(&self, look: Question<'_>) -> Result<Estimates> {
-        let folder = self.folder()?;
-        let thread = std::thread::current().id();
-        // Out of the map while it works, so that threads do not wait for each other, and so that one that fails is not met again.
-        let known = lock(&self.processes).remove(&thread).or_else(|| lock(&self.spare).take());
-        let mut session = match known {
-            Some(session) => session,
-            None => self.session(folder)?,
-        };
+        let programs = &self.programs;
+        let mut session = programs.session()?;
         // Its start is not on any object.
         let began = Instant::now();
-        let frame = look.frame;
-        let write = |path: &Path, bytes: Vec<u8>| {
-            std::fs::write(path, bytes).with_context(|| format!("{}: cannot be written", path.display()))
-        };
-        write(&session.rgb, npy::rgb(&frame.rgb))?;
-        write(&session.depth, npy::depth(&frame.depth))?;
-        let k = &frame.intrinsics;
-        let id = self.ids.fetch_add(1, Ordering::Relaxed);
+        session.pictures.write(look.frame)?;
+        let id = programs.id();
         let request = Request::Look(Box::new(LookRequest {
             id,
             seed: look.seed,
             look: look.look,
             place: look.place,
-            width: k.width,
-            height: k.height,
-            intrinsics: [k.fx, 0.0, k.cx, 0.0, k.fy, k.cy, 0.0, 0.0, 1.0],
-            world_from_camera: look.world_from_camera.map(|pose| transform(pose.iso())),
-            space: look.space.map(|Workspace { min, max }| Space { min, max }),
-            rgb: &session.rgb,
-            depth: &session.depth,
+            view: View::new(look.frame, look.world_from_camera.as_ref(), look.space, &session.pictures),
             objects: look
                 .asked
                 .iter()
@@ -280,15 +178,14 @@ impl External {
                 .collect(),
             boxes: look.boxes,
         }));
-        let failed = |reason: String| EstimatorFailed(format!("{}: {reason}", self.command.text));
-        let answer = session.process.ask(&serde_json::to_string(&request)?, self.timeout).map_err(failed)?;
-        let found = match reply(&answer).map_err(failed)? {
+        let line = serde_json::to_string(&request)?;
+        let found = match session.ask(&line).map_err(|e| programs.failed(e))? {
             Reply::Poses { id: of, poses } if of == id => poses,
             Reply::Poses { id: of, .. } => {
-                return Err(failed(format!("it answers question {of}, and was asked {id}")).into());
+                return Err(programs.failed(format!("it answers question {of}, and was asked {id}")));
             }
-            Reply::Error { message } => return Err(failed(message).into()),
-            Reply::Hello { .. } => return Err(failed("it said hello again".into()).into()),
+            Reply::Error { message } => return Err(programs.failed(message)),
+            Reply::Hello { .. } => return Err(programs.failed("it said hello again")),
         };
         // Not all of its time is on one object.
         let seconds = began.elapsed().as_secs_f64() / look.asked.len().max(1) as f64;
@@ -297,14 +194,14 @@ impl External {
             let index = found.index;
             if !look.asked.contains(&index) || estimates.iter().any(|(other, _)| *other == index) {
                 let reason = format!("poses: index {index}: give each of the objects asked for at most once");
-                return Err(failed(reason).into());
+                return Err(programs.failed(reason));
             }
             let posterior = posterior(found, &look.models[index], seconds)
-                .map_err(|reason| failed(format!("poses, index {index}: {reason}")))?;
+                .map_err(|reason| programs.failed(format!("poses, index {index}: {reason}")))?;
             estimates.push((index, posterior));
         }
         estimates.sort_unstable_by_key(|(index, _)| *index);
-        lock(&self.processes).insert(thread, session);
+        programs.keep(session);
         Ok(estimates)
     }
 }
@@ -319,37 +216,8 @@ impl Perception for External {
     }
 
     fn description(&self) -> Value {
-        json!({ "name": "cmd", "command": self.command.text, "protocol": protocol::VERSION })
+        json!({ "name": "cmd", "command": self.programs.command().text, "protocol": protocol::VERSION })
     }
-}
-
-fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
-    mutex.lock().unwrap_or_else(PoisonError::into_inner)
-}
-
-/// Writes the models where the estimator finds them.
-fn make_folder(models: &[Arc<ObjectModel>]) -> Result<Folder> {
-    static COUNT: AtomicU64 = AtomicU64::new(0);
-    let name = format!("grip-estimator-{}", COUNT.fetch_add(1, Ordering::Relaxed));
-    let temporary = std::env::temp_dir();
-    let cannot = || format!("{}: no folder can be made there", temporary.display());
-    let place = Unfinished::beside(&temporary.join(name)).with_context(cannot)?;
-    std::fs::create_dir(place.path()).with_context(cannot)?;
-    let mut kinds: Vec<&ObjectModel> = models.iter().map(|model| &**model).collect();
-    kinds.sort_by_key(|model| model.info.bop_id);
-    kinds.dedup_by_key(|model| model.info.bop_id);
-    let folder = place.path().join("models");
-    bop::export_models(&folder, kinds.iter().copied())?;
-    let models = kinds
-        .into_iter()
-        .map(|model| Model {
-            obj_id: model.info.bop_id,
-            name: model.info.name.clone(),
-            mesh: folder.join(format!("obj_{:06}.ply", model.info.bop_id)),
-            diameter: model.diameter,
-        })
-        .collect();
-    Ok(Folder { place, models })
 }
 
 /// The surest boxes of each kind of object.
@@ -369,14 +237,6 @@ fn proposals(boxes: &Detections, objects: &[Arc<ObjectModel>]) -> Vec<Proposal> 
     kinds.into_iter().flat_map(of).collect()
 }
 
-/// What a line says.
-fn reply(line: &str) -> Result<Reply, String> {
-    serde_json::from_str(line).map_err(|error| {
-        let begin: String = line.chars().take(200).collect();
-        format!("its answer is not what the protocol says: {error}: {begin}")
-    })
-}
-
 /// What is believed of an object by what the estimator says of it.
 fn posterior(found: &Found, model: &ObjectModel, seconds: f64) -> Result<PosePosterior, String> {
     for (field, value) in [("score", found.score), ("confidence", found.confidence)] {
@@ -388,9 +248,7 @@ fn posterior(found: &Found, model: &ObjectModel, seconds: f64) -> Result<PosePos
         return Err(format!("confidence {}: must be 0 to 1", found.confidence));
     }
     let pose = |rotation: &[f64; 9], translation: &[f64; 3]| -> Result<Pose<Camera, Object>, String> {
-        if translation.iter().any(|t| !t.is_finite()) {
-            return Err(format!("t {translation:?}: must be finite, metres"));
-        }
+        finite(translation)?;
         Ok(Pose::new(bop::rigid(rotation, translation)?))
     };
     let best = pose(&found.rotation, &found.translation)?;
@@ -406,13 +264,4 @@ fn posterior(found: &Found, model: &ObjectModel, seconds: f64) -> Result<PosePos
         PosePosterior::of_samples(model, best, found.score, &samples).map_err(|e| e.to_string())?;
     let there = found.confidence >= 0.5;
     Ok(PosePosterior { confidence: found.confidence, there, seconds, ..posterior })
-}
-
-/// As the protocol has it.
-fn transform(iso: &Isometry3<f64>) -> Transform {
-    let m = iso.rotation.to_rotation_matrix();
-    Transform {
-        rotation: std::array::from_fn(|i| m[(i / 3, i % 3)]),
-        translation: iso.translation.vector.into(),
-    }
 }

@@ -1,33 +1,12 @@
 //! What is said between `grip` and an estimator of others: a line of JSON each way ([docs/estimators.md](../../../docs/estimators.md)).
 
-use std::path::PathBuf;
-
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use crate::external::protocol::{Model, View};
+
 /// Version of the protocol. It grows by one with any change that an estimator could trip over.
 pub const VERSION: u32 = 1;
-
-/// A pose: x' = R x + t.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct Transform {
-    /// Rotation matrix, row by row.
-    #[serde(rename = "R")]
-    pub rotation: [f64; 9],
-    /// Translation, metres.
-    #[serde(rename = "t")]
-    pub translation: [f64; 3],
-}
-
-/// A box whose sides are along the axes of the world, metres.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, JsonSchema)]
-pub struct Space {
-    /// Lowest corner.
-    pub min: [f64; 3],
-    /// Highest corner.
-    pub max: [f64; 3],
-}
 
 /// What `grip` says.
 #[derive(Debug, Clone, Serialize, JsonSchema)]
@@ -46,19 +25,6 @@ pub enum Request<'a> {
     Look(Box<LookRequest<'a>>),
 }
 
-/// An object.
-#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
-pub struct Model {
-    /// Its number in BOP's data sets.
-    pub obj_id: u32,
-    /// Its name.
-    pub name: String,
-    /// PLY in millimetres, as BOP has it, with a texture of the same name (.png) where it has one.
-    pub mesh: PathBuf,
-    /// Largest distance of two of its points, metres.
-    pub diameter: f64,
-}
-
 /// One look of the robot, or an image of a data set.
 #[derive(Debug, Clone, Serialize, JsonSchema)]
 pub struct LookRequest<'a> {
@@ -70,22 +36,9 @@ pub struct LookRequest<'a> {
     pub look: usize,
     /// Where the objects are believed to be.
     pub place: Place,
-    /// Columns of both pictures.
-    pub width: usize,
-    /// Rows.
-    pub height: usize,
-    /// Camera matrix (fx, 0, cx; 0, fy, cy; 0, 0, 1), pixels; the middle of the first pixel is (0, 0).
-    #[serde(rename = "K")]
-    pub intrinsics: [f64; 9],
-    /// From the camera's frame (x right, y down, z forward) to the world's (z up), by the robot's joints. Null in a data set that
-    /// does not say it.
-    pub world_from_camera: Option<Transform>,
-    /// The part of the world in which they are. Null in a data set.
-    pub space: Option<Space>,
-    /// NPY, height x width x 3, uint8: sRGB.
-    pub rgb: &'a PathBuf,
-    /// NPY, height x width, float32: metres along the optical axis, 0 where there is no reading.
-    pub depth: &'a PathBuf,
+    /// What the camera saw.
+    #[serde(flatten)]
+    pub view: View<'a>,
     /// What is looked for.
     pub objects: Vec<Asked>,
     /// Where a detector says that they are, each kind's surest first: of `grip estimate --boxes`, else empty.

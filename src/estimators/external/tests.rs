@@ -1,5 +1,7 @@
 //! What estimators of others say, and what becomes of it.
 
+use std::sync::Arc;
+
 use grip_perception::Workspace;
 use grip_sim::camera::Intrinsics;
 use grip_sim::frame::CameraFrame;
@@ -10,26 +12,23 @@ use crate::setup::library;
 
 const HELLO: &str = r#"echo '{"type":"hello","protocol":1,"name":"test"}'"#;
 
+fn models() -> Vec<Arc<ObjectModel>> {
+    let library = library(None).unwrap();
+    ["005_tomato_soup_can", "011_banana"].map(|name| library.load(name).unwrap()).into()
+}
+
 /// An estimator that is run by `command`.
 fn external(command: &str, timeout: Duration) -> External {
-    let library = library(None).unwrap();
-    let models = ["005_tomato_soup_can", "011_banana"].map(|name| library.load(name).unwrap());
+    let models = models();
     let space = Workspace { min: [0.0; 3], max: [1.0; 3] };
-    External {
-        command: command.parse().unwrap(),
-        timeout,
-        cell: Some([space; 2]),
-        models: models.into(),
-        folder: OnceLock::new(),
-        spare: Mutex::default(),
-        processes: Mutex::default(),
-        ids: AtomicU64::new(0),
-    }
+    let programs = Programs::new(Estimating, &command.parse().unwrap(), timeout, models);
+    External { programs, cell: Some([space; 2]) }
 }
 
 /// An estimator that is a shell script, which has read the greeting.
 struct Script {
     _folder: tempfile::TempDir,
+    models: Vec<Arc<ObjectModel>>,
     external: External,
 }
 
@@ -43,7 +42,7 @@ impl Script {
         let path = folder.path().join("estimator.sh");
         std::fs::write(&path, format!("read hello\n{text}\n")).unwrap();
         let external = external(&format!("sh '{}'", path.display()), timeout);
-        Self { _folder: folder, external }
+        Self { _folder: folder, models: models(), external }
     }
 
     /// Answers every question with `poses`, as far as what the shell makes of it.
@@ -66,7 +65,7 @@ impl Script {
             frame: &frame,
             cameras: &[Pose::identity()],
             before: &Estimates::new(),
-            models: &self.external.models,
+            models: &self.models,
             asked: &[0, 1],
             again: false,
             seed: 7,
@@ -97,8 +96,8 @@ fn what_it_says_is_believed_and_its_samples_are_the_spread() {
         assert!((banana.position_std_m - 0.006 / 2f64.sqrt()).abs() < 1e-6, "{}", banana.position_std_m);
     }
     // The process has lived on, and is gone with the estimator, as are its pictures.
-    assert_eq!(lock(&script.external.processes).len(), 1);
-    let folder = script.external.folder.get().unwrap().place.path().to_owned();
+    let (waiting, folder) = script.external.programs.waiting();
+    assert_eq!(waiting, 1);
     assert!(folder.join("models/obj_000004.ply").is_file() && folder.join("rgb-0.npy").is_file());
     drop(script);
     assert!(!folder.exists());
@@ -139,12 +138,4 @@ fn poses_that_mean_nothing_are_refused_by_field_and_value() {
     let sample = format!(r#"{fine},\"samples\":[{{{fine},\"weight\":-1}}]"#);
     assert!(said(&of(0, &sample)).contains("samples[0]: weight -1"));
     assert!(said(&of(0, &format!(r#"{fine},\"sore\":1"#))).contains("unknown field `sore`"));
-}
-
-#[test]
-fn a_program_is_named_after_its_script() {
-    let name = |text: &str| text.parse::<CommandLine>().unwrap().name();
-    assert_eq!(name("python3 -u '/a b/my_estimator.py' --gpu 0"), "my_estimator");
-    assert_eq!(name("./run-it --fast"), "run-it");
-    assert!("python3 'x".parse::<CommandLine>().is_err() && "  ".parse::<CommandLine>().is_err());
 }

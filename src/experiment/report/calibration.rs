@@ -4,6 +4,7 @@ use super::Sources;
 use crate::experiment::stats::{brier, wilson};
 use crate::experiment::sweep::Strategy;
 use crate::experiment::sweep::fits::results;
+use crate::graspers::GRIP;
 
 /// Edges of the bins of predicted chances.
 const EDGES: [f64; 8] = [0.0, 0.5, 0.7, 0.8, 0.9, 0.95, 0.98, 1.0];
@@ -41,7 +42,7 @@ pub fn calibration(sources: &Sources, which: usize) -> Option<Calibration> {
     let cases: Vec<(f64, bool)> = sources
         .trials
         .iter()
-        .filter(|trial| !trial.estimator.starts_with("truth"))
+        .filter(|trial| !trial.estimator.starts_with("truth") && trial.grasper == GRIP)
         .flat_map(|trial| &trial.items)
         .filter_map(|item| {
             let fall = objects.iter().find(|o| o.object == item.object)?.adds.as_ref()?;

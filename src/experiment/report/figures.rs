@@ -27,15 +27,15 @@ const POINTS: usize = 81;
 /// Shares of items packed, by scene and condition, with intervals.
 pub fn packed(cells: &[Cell]) -> Result<String> {
     let group_of = group_of(cells);
-    let (groups, estimators) = names(cells, &group_of);
-    let series = estimators
+    let (groups, methods) = names(cells, &group_of);
+    let series = methods
         .iter()
-        .map(|estimator| {
+        .map(|method| {
             let bars = groups.iter().map(|group| {
-                let cell = cells.iter().find(|&c| &group_of(c) == group && &c.estimator == estimator)?;
+                let cell = cells.iter().find(|&c| &group_of(c) == group && &c.method() == method)?;
                 Some(Bar { value: 100.0 * cell.share, interval: Some(cell.interval.map(|v| 100.0 * v)) })
             });
-            (estimator.clone(), bars.collect())
+            (method.clone(), bars.collect())
         })
         .collect();
     bars::svg(&Bars {
@@ -51,7 +51,7 @@ pub fn packed(cells: &[Cell]) -> Result<String> {
 /// Items that were not packed, by what became of them.
 pub fn failures(cells: &[Cell]) -> Result<String> {
     let group = group_of(cells);
-    let groups: Vec<String> = cells.iter().map(|c| format!("{}\n{}", group(c), c.estimator)).collect();
+    let groups: Vec<String> = cells.iter().map(|c| format!("{}\n{}", group(c), c.method())).collect();
     let mut kinds: BTreeMap<&String, usize> = BTreeMap::new();
     for (kind, n) in cells.iter().flat_map(|c| &c.failures) {
         *kinds.entry(kind).or_default() += n;
@@ -85,13 +85,13 @@ pub fn failures(cells: &[Cell]) -> Result<String> {
     })
 }
 
-/// Share of grasps that held over ADD-S, and accuracy over threshold, by estimator.
+/// Share of grasps that held over ADD-S, and accuracy over threshold, by estimator and grasp planner.
 pub fn errors(sources: &Sources) -> Result<Option<String>> {
     // Millimetres, infinite where there was no estimate; and whether the grasp held, where there was one.
     type Cases = (Vec<f64>, Vec<(f64, bool)>);
-    let mut by_estimator: BTreeMap<&str, Cases> = BTreeMap::new();
+    let mut by_method: BTreeMap<String, Cases> = BTreeMap::new();
     for trial in sources.trials.iter().filter(|t| !t.estimator.starts_with("truth")) {
-        let (all, tried) = by_estimator.entry(&trial.estimator).or_default();
+        let (all, tried) = by_method.entry(trial.method()).or_default();
         for item in &trial.items {
             all.push(item.adds_m.map_or(f64::INFINITY, |m| 1e3 * m));
             if let Some(FirstAttempt { adds_m: Some(m), held, .. }) = item.first_attempt {
@@ -99,14 +99,14 @@ pub fn errors(sources: &Sources) -> Result<Option<String>> {
             }
         }
     }
-    if by_estimator.is_empty() {
+    if by_method.is_empty() {
         return Ok(None);
     }
     let xs = || (0..POINTS).map(|i| MOST_MM * i as f64 / (POINTS - 1) as f64);
-    let held = by_estimator.iter().take(MOST_CURVES).map(|(name, (_, tried))| {
+    let held = by_method.iter().take(MOST_CURVES).map(|(name, (_, tried))| {
         smooth(format!("{name} ({} grasps)", tried.len()), tried, xs(), TRIAL_KERNEL_MM)
     });
-    let accuracy = by_estimator.iter().take(MOST_CURVES).map(|(name, (all, _))| {
+    let accuracy = by_method.iter().take(MOST_CURVES).map(|(name, (all, _))| {
         let auc = grip_perception::metrics::auc(all, MOST_MM);
         let under = |x: f64| 100.0 * all.iter().filter(|e| **e <= x).count() as f64 / all.len().max(1) as f64;
         Curve {
@@ -322,18 +322,19 @@ fn group_of(cells: &[Cell]) -> impl Fn(&Cell) -> String {
     move |cell| if several { format!("{} {}", cell.scene, cell.condition) } else { cell.condition.clone() }
 }
 
-/// Groups and estimators, in the order of the cells.
+/// Groups and methods, in the order of the cells.
 fn names(cells: &[Cell], group_of: impl Fn(&Cell) -> String) -> (Vec<String>, Vec<String>) {
     let mut groups: Vec<String> = Vec::new();
-    let mut estimators: Vec<String> = Vec::new();
+    let mut methods: Vec<String> = Vec::new();
     for cell in cells {
         let group = group_of(cell);
         if !groups.contains(&group) {
             groups.push(group);
         }
-        if !estimators.contains(&cell.estimator) {
-            estimators.push(cell.estimator.clone());
+        let method = cell.method();
+        if !methods.contains(&method) {
+            methods.push(method);
         }
     }
-    (groups, estimators)
+    (groups, methods)
 }

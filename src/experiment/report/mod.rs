@@ -15,14 +15,14 @@ use super::plan::{self, Key, LEFT_OUT, TIMINGS, TRIALS};
 use super::sweep::{self, GraspLine};
 use super::trials::{LeftOut, TimingLine};
 use super::{journal, summary};
-use crate::score::outcome::{Timing, TrialResult};
+use crate::score::outcome::{Timing, TrialResult, method};
 
 /// Everything a page is made of.
 #[derive(Default)]
 pub struct Sources {
     /// All trials. Those of more than one experiment have its folder's name in their estimator's.
     pub trials: Vec<TrialResult>,
-    /// How long they took, as far as it is known, with the estimator's name.
+    /// How long they took, as far as it is known, with the names of estimator and grasp planner.
     pub timings: Vec<(String, Timing)>,
     /// Films: the trial, and a JPEG.
     pub films: BTreeMap<Key, PathBuf>,
@@ -96,16 +96,17 @@ impl Sources {
                 );
             }
         }
-        let mut made: BTreeMap<[&str; 3], BTreeSet<[&str; 4]>> = BTreeMap::new();
+        let mut made: BTreeMap<[&str; 4], BTreeSet<[&str; 4]>> = BTreeMap::new();
         for trial in &sources.trials {
-            let cell = [&*trial.scene, &trial.condition, &trial.estimator];
+            let cell = [&*trial.scene, &trial.condition, &trial.estimator, &trial.grasper];
             let how = [&*trial.detector, &trial.object_set, &trial.renderer, &trial.hypotheses];
             made.entry(cell).or_default().insert(how);
         }
-        for ([scene, condition, estimator], ways) in made.iter().filter(|(_, ways)| ways.len() > 1) {
+        for ([scene, condition, estimator, grasper], ways) in made.iter().filter(|(_, ways)| ways.len() > 1) {
+            let method = method(estimator, grasper);
             let ways: Vec<String> = ways.iter().map(|way| way.join(" ")).collect();
             sources.notes.push(format!(
-                "{scene} {condition} {estimator}: trials of several kinds are counted together: {}.",
+                "{scene} {condition} {method}: trials of several kinds are counted together: {}.",
                 ways.join("; ")
             ));
         }
@@ -117,7 +118,7 @@ impl Sources {
                  each a name of its own",
                 key.scene,
                 key.condition,
-                key.estimator,
+                key.method(),
                 key.seed
             );
             known.insert(key);
@@ -146,7 +147,7 @@ impl Sources {
                 trial.estimator = format!("{} ({label})", trial.estimator);
                 key = Key::of(trial);
             }
-            self.timings.extend(timing.map(|timing| (trial.estimator.clone(), timing)));
+            self.timings.extend(timing.map(|timing| (trial.method(), timing)));
             if film.exists() {
                 self.films.insert(key, film);
             }
@@ -163,7 +164,8 @@ impl Sources {
             std::fs::read_to_string(&path).with_context(|| format!("{}: cannot be read", path.display()))?;
         let mut trial: TrialResult = serde_json::from_str(&text)
             .with_context(|| format!("{}: is no result of this version; run it again", path.display()))?;
-        self.timings.extend(trial.timing.take().map(|timing| (trial.estimator.clone(), timing)));
+        let timing = trial.timing.take();
+        self.timings.extend(timing.map(|timing| (trial.method(), timing)));
         let film = folder.join("film.jpg");
         if film.exists() {
             self.films.insert(Key::of(&trial), film);
@@ -180,9 +182,10 @@ impl Sources {
 pub fn tables(sources: &Sources) -> Result<Vec<(&'static str, String)>> {
     let mut files = Vec::new();
     if !sources.trials.is_empty() {
-        let mut text = String::from("scene,condition,estimator,trials,full,items,packed,share,low,high\n");
+        let mut text =
+            String::from("scene,condition,estimator,grasper,trials,full,items,packed,share,low,high\n");
         for c in summary::cells(&sources.trials) {
-            let names = [&c.scene, &c.condition, &c.estimator].map(|name| quoted(name));
+            let names = [&c.scene, &c.condition, &c.estimator, &c.grasper].map(|name| quoted(name));
             text += &format!(
                 "{},{},{},{},{},{},{},{}\n",
                 names.join(","),
@@ -197,16 +200,17 @@ pub fn tables(sources: &Sources) -> Result<Vec<(&'static str, String)>> {
         }
         files.push(("trials", text));
         let mut text = String::from(
-            "seed,scene,condition,estimator,object,instance,outcome,attempts,add_m,adds_m,slip_m,camera_shift_m,camera_turn_rad\n",
+            "seed,scene,condition,estimator,grasper,object,instance,outcome,attempts,add_m,adds_m,slip_m,camera_shift_m,camera_turn_rad\n",
         );
         for (trial, item) in sources.trials.iter().flat_map(|t| t.items.iter().map(move |i| (t, i))) {
             let number = |v: Option<f64>| v.map_or(String::new(), |v| v.to_string());
             text += &format!(
-                "{},{},{},{},{},{},{},{},{},{},{},{},{}\n",
+                "{},{},{},{},{},{},{},{},{},{},{},{},{},{}\n",
                 trial.seed,
                 quoted(&trial.scene),
                 quoted(&trial.condition),
                 quoted(&trial.estimator),
+                quoted(&trial.grasper),
                 quoted(&item.object),
                 item.instance,
                 quoted(item.outcome.words()),

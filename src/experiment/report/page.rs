@@ -13,6 +13,7 @@ use crate::experiment::summary::{Cell, cells, pairs};
 use crate::experiment::sweep::errors::Axis;
 use crate::experiment::sweep::fits::{Fall, results};
 use crate::experiment::sweep::layout::GraspOutcome;
+use crate::graspers::GRIP;
 use crate::html::{STYLE, escape, picture, table};
 use crate::plot::MOST_CURVES;
 
@@ -88,7 +89,7 @@ fn packed(page: &mut String, sources: &Sources, cells: &[Cell]) -> Result<()> {
         vec![
             c.scene.clone(),
             c.condition.clone(),
-            c.estimator.clone(),
+            c.method(),
             c.trials.to_string(),
             c.full.to_string(),
             format!("{} of {}", c.packed, c.items),
@@ -110,6 +111,9 @@ fn packed(page: &mut String, sources: &Sources, cells: &[Cell]) -> Result<()> {
     ];
     table(page, &header, &[3, 4, 5, 6, 7, 8], rows);
     page.push_str("<p>Intervals are Wilson's; items of one trial count as independent.</p>");
+    if cells.iter().any(|c| c.grasper != GRIP) {
+        page.push_str("<p>Behind a plus: who planned grasps, where that is not GRIP's own planner.</p>");
+    }
 
     let pairs = pairs(&sources.trials);
     if !pairs.is_empty() {
@@ -137,17 +141,18 @@ fn packed(page: &mut String, sources: &Sources, cells: &[Cell]) -> Result<()> {
     if cells.iter().any(|c| c.packed < c.items) {
         page.push_str("<h2>Failures</h2>");
         page.push_str(&figures::failures(cells)?);
-        let mut reasons: BTreeMap<[&str; 4], usize> = BTreeMap::new();
+        let mut reasons: BTreeMap<[String; 4], usize> = BTreeMap::new();
         for trial in &sources.trials {
             for item in trial.items.iter().filter(|i| !i.reason.is_empty()) {
-                let key = [trial.condition.as_str(), &trial.estimator, item.outcome.words(), &item.reason];
+                let key = [&*trial.condition, &trial.method(), item.outcome.words(), &item.reason];
+                let key = key.map(str::to_owned);
                 *reasons.entry(key).or_default() += 1;
             }
         }
         let mut reasons: Vec<_> = reasons.into_iter().collect();
         reasons.sort_by(|a, b| b.1.cmp(&a.1).then(a.0.cmp(&b.0)));
         let rows = reasons.iter().take(40).map(|(key, n)| {
-            let mut row: Vec<String> = key.iter().map(|text| (*text).to_owned()).collect();
+            let mut row = key.to_vec();
             row.push(n.to_string());
             row
         });
@@ -174,15 +179,15 @@ fn packed(page: &mut String, sources: &Sources, cells: &[Cell]) -> Result<()> {
 }
 
 fn times(page: &mut String, sources: &Sources) {
-    let estimators: BTreeSet<&str> = sources.timings.iter().map(|(name, _)| name.as_str()).collect();
-    if estimators.is_empty() {
+    let methods: BTreeSet<&str> = sources.timings.iter().map(|(name, _)| name.as_str()).collect();
+    if methods.is_empty() {
         return;
     }
     page.push_str("<h2>Time, seconds</h2>");
-    let rows = estimators.into_iter().flat_map(|estimator| {
-        let timings = || sources.timings.iter().filter(move |(name, _)| name == estimator).map(|(_, t)| t);
+    let rows = methods.into_iter().flat_map(|method| {
+        let timings = || sources.timings.iter().filter(move |(name, _)| name == method).map(|(_, t)| t);
         let items = || timings().flat_map(|t| &t.items);
-        let trials = sources.trials.iter().filter(move |t| t.estimator == estimator);
+        let trials = sources.trials.iter().filter(move |t| t.method() == method);
         let simulated = trials.map(|t| t.sim_s / t.requested.max(1) as f64).collect();
         [
             ("trial, wall", timings().map(|t| t.wall_s).collect()),
@@ -197,7 +202,7 @@ fn times(page: &mut String, sources: &Sources) {
             let at =
                 |q: f64| if values.is_empty() { "-".into() } else { format!("{:.2}", quantile(&values, q)) };
             vec![
-                estimator.to_owned(),
+                method.to_owned(),
                 name.to_owned(),
                 values.len().to_string(),
                 at(0.5),
@@ -373,8 +378,8 @@ fn films(page: &mut String, sources: &Sources) -> Result<()> {
                 .filter(|item| !item.reason.is_empty())
                 .map(|item| format!("{}: {}, {}", item.name(), item.outcome.words(), item.reason))
                 .collect();
-            let Key { seed, scene, condition, estimator } = key;
-            let mut caption = format!("{scene}, {condition}, {estimator}, seed {seed}");
+            let Key { seed, scene, condition, .. } = key;
+            let mut caption = format!("{scene}, {condition}, {}, seed {seed}", key.method());
             if !failed.is_empty() {
                 caption += &format!(". {}", failed.join("; "));
             }

@@ -3,7 +3,7 @@
 
 use std::fmt::Write as _;
 
-use grip_sim::images::{DepthImage, RgbImage};
+use grip_sim::images::{DepthImage, LabelImage, RgbImage};
 
 /// Height x width x 3, uint8.
 pub fn rgb(image: &RgbImage) -> Vec<u8> {
@@ -16,6 +16,13 @@ pub fn rgb(image: &RgbImage) -> Vec<u8> {
 pub fn depth(image: &DepthImage) -> Vec<u8> {
     let mut bytes = header("<f4", &[image.height(), image.width()]);
     bytes.extend(image.data().iter().flat_map(|z| z.to_le_bytes()));
+    bytes
+}
+
+/// Height x width, uint16.
+pub fn labels(image: &LabelImage) -> Vec<u8> {
+    let mut bytes = header("<u2", &[image.height(), image.width()]);
+    bytes.extend(image.data().iter().flat_map(|label| label.to_le_bytes()));
     bytes
 }
 
