@@ -52,6 +52,7 @@ pub mod explain;
 mod html;
 mod matching;
 pub mod mjcf;
+pub mod object_report;
 pub mod pictures;
 pub mod plot;
 pub mod progress;

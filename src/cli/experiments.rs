@@ -14,7 +14,7 @@ use grip::experiment::sweep::errors::Axis;
 use grip::experiment::sweep::{ErrorPattern, SweepOptions};
 use grip::setup::{GROCERY, SetupOptions};
 
-use super::{Detector, DetectorArgs, Renderer, RobotFile, SettingsFile};
+use super::{Detector, DetectorArgs, ObjectTables, Renderer, RobotFile, SettingsFile};
 
 /// `grip trials`.
 #[derive(Debug, Args)]
@@ -49,6 +49,8 @@ pub struct TrialsArgs {
     /// Folder of scanned objects [env: GRIP_YCB_DIR].
     #[arg(long, value_name = "DIR")]
     pub ycb: Option<PathBuf>,
+    #[command(flatten)]
+    pub tables: ObjectTables,
     #[command(flatten)]
     pub robot: RobotFile,
     #[command(flatten)]
@@ -146,6 +148,8 @@ pub struct SweepArgs {
     #[arg(long, value_name = "DIR")]
     pub ycb: Option<PathBuf>,
     #[command(flatten)]
+    pub tables: ObjectTables,
+    #[command(flatten)]
     pub robot: RobotFile,
     #[command(flatten)]
     pub settings: SettingsFile,
@@ -188,6 +192,7 @@ impl TrialsArgs {
             setup: SetupOptions {
                 seed: self.seed,
                 ycb: self.ycb.clone(),
+                tables: self.tables.tables.clone(),
                 robot: self.robot.robot.clone(),
                 package_path: self.robot.package_path.clone(),
                 settings: Arc::new(settings),
@@ -232,6 +237,7 @@ impl SweepArgs {
                 scene: self.scene.clone().unwrap_or_else(|| grip::assets::find(GROCERY)),
                 seed: self.seed,
                 ycb: self.ycb.clone(),
+                tables: self.tables.tables.clone(),
                 robot: self.robot.robot.clone(),
                 package_path: self.robot.package_path.clone(),
                 settings: Arc::new(self.settings.load().context("settings of the sweep")?),

@@ -515,7 +515,7 @@ impl<'a> Trial<'a> {
             condition: setup.condition.name.clone(),
             estimator: self.options.estimator,
             detector: self.estimator.detector().into(),
-            object_set: setup.library.set().label().into(),
+            object_set: setup.object_set(),
             renderer: renderer.name().into(),
             hypotheses: setup.hypotheses.name().into(),
             requested: self.items,

@@ -16,6 +16,7 @@ mod golden;
 mod init;
 mod input;
 mod metrics;
+mod objects;
 mod pack;
 mod plan;
 mod renderers;

@@ -33,10 +33,9 @@ pub fn load(path: &Path, scale: f64) -> Result<Visual> {
             joined(path, parts)
         }
         "glb" | "gltf" => Ok(scaled(joined(path, gltf::load(path).map_err(invalid)?)?, scale)),
-        other => Err(invalid(format!(
-            "mesh format '{other}' is not read; convert it to .{}",
-            ENDINGS.join(", .")
-        ))),
+        other => {
+            Err(invalid(format!("mesh format '{other}' is not read; convert it to .{}", ENDINGS.join(", ."))))
+        }
     }
 }
 
@@ -55,7 +54,9 @@ pub(super) fn load_textured(path: &Path, scale: f64, texture: Arc<RgbImage>) -> 
     };
     let coordinates = |part: &Part| part.mesh.uvs.len() == part.mesh.positions.len();
     if parts.is_empty() || !parts.iter().all(coordinates) {
-        return Err(invalid("has no texture coordinates for the texture of the table; leave `texture` out".into()));
+        return Err(invalid(
+            "has no texture coordinates for the texture of the table; leave `texture` out".into(),
+        ));
     }
     let material = Material { texture: Some(texture), ..Material::default() };
     let parts = parts.into_iter().map(|part| Part { material: Some(material.clone()), ..part }).collect();
@@ -141,7 +142,8 @@ fn joined(path: &Path, parts: Vec<Part>) -> Result<Visual> {
         let byte = |v: f32| (255.0 * v.clamp(0.0, 1.0)).round() as u8;
         if colored && part.mesh.colors.len() == count {
             // A vertex's colour is multiplied by the material's.
-            let mixed = part.mesh.colors.iter().map(|c| [0, 1, 2].map(|i| byte(own[i] * f32::from(c[i]) / 255.0)));
+            let mixed =
+                part.mesh.colors.iter().map(|c| [0, 1, 2].map(|i| byte(own[i] * f32::from(c[i]) / 255.0)));
             mesh.colors.extend(mixed);
         } else if colored {
             mesh.colors.extend(std::iter::repeat_n(own.map(byte), count));
@@ -216,7 +218,8 @@ mod tests {
     fn a_box_of_a_gltf_stands_z_up_where_its_nodes_put_it() {
         let (bytes, json) = gltf_box();
         let uri = base64::engine::general_purpose::STANDARD.encode(&bytes);
-        let text = json.replace("BUFFER", &format!("\"uri\":\"data:application/octet-stream;base64,{uri}\","));
+        let text =
+            json.replace("BUFFER", &format!("\"uri\":\"data:application/octet-stream;base64,{uri}\","));
         let binary = glb(&json.replace("BUFFER", ""), &bytes);
         for visual in [read("a.gltf", text.as_bytes()).unwrap(), read("a.glb", &binary).unwrap()] {
             let (low, high) = visual.mesh.bounds().unwrap();
@@ -274,7 +277,10 @@ mod tests {
         };
         let both = joined(Path::new("a.dae"), vec![part([1.0, 0.0, 0.0], 0.7), part([0.0, 0.0, 1.0], 0.7)]);
         let both = both.unwrap();
-        assert_eq!(both.mesh.colors, [[255, 0, 0], [255, 0, 0], [255, 0, 0], [0, 0, 255], [0, 0, 255], [0, 0, 255]]);
+        assert_eq!(
+            both.mesh.colors,
+            [[255, 0, 0], [255, 0, 0], [255, 0, 0], [0, 0, 255], [0, 0, 255], [0, 0, 255]]
+        );
         assert!(both.mesh.triangles == [[0, 1, 2], [3, 4, 5]] && both.material.base_color == [1.0; 3]);
         let rough = joined(Path::new("a.dae"), vec![part([1.0; 3], 0.0), part([1.0; 3], 1.0)]).unwrap();
         assert_eq!((rough.mesh.finish[0], rough.mesh.finish[5]), ([0, 0], [255, 0]));

@@ -53,8 +53,14 @@ pub(super) fn load(path: &Path) -> Result<Vec<Part>> {
         (None, _) => Err(format!("buffers[{i}] has neither a uri nor a chunk of its own")),
     });
     let buffers = buffers.collect::<Result<Vec<_>>>()?;
-    let mut reader =
-        Reader { root: &root, folder, buffers, images: vec![None; root.images.len()], parts: vec![], nodes: 0 };
+    let mut reader = Reader {
+        root: &root,
+        folder,
+        buffers,
+        images: vec![None; root.images.len()],
+        parts: vec![],
+        nodes: 0,
+    };
     // From y up to z up: x stays, y becomes z.
     let up = Matrix4::from_euler_angles(std::f64::consts::FRAC_PI_2, 0.0, 0.0);
     let scene = root.scenes.get(root.scene.unwrap_or(0));
@@ -220,7 +226,8 @@ impl Reader<'_> {
         let Some(info) = &pbr.base_color_texture else { return Ok((material, None)) };
         let texture = root.textures.get(info.index);
         let texture = texture.ok_or_else(|| missing("textures", info.index, root.textures.len()))?;
-        let source = texture.source.ok_or("has a texture in a format that needs an extension; export PNG or JPEG")?;
+        let source =
+            texture.source.ok_or("has a texture in a format that needs an extension; export PNG or JPEG")?;
         material.texture = Some(self.image(source)?);
         Ok((material, Some(info.tex_coord)))
     }
@@ -376,7 +383,8 @@ impl Node {
         let rotation = UnitQuaternion::try_new(Quaternion::new(w, x, y, z), 1e-9).unwrap_or_default();
         let translation = Translation3::from(self.translation.unwrap_or_default());
         let scale = Vector3::from(self.scale.unwrap_or([1.0; 3]));
-        Isometry3::from_parts(translation, rotation).to_homogeneous() * Matrix4::new_nonuniform_scaling(&scale)
+        Isometry3::from_parts(translation, rotation).to_homogeneous()
+            * Matrix4::new_nonuniform_scaling(&scale)
     }
 }
 

@@ -147,7 +147,11 @@ impl Entry {
 fn taken(row: &ObjectRow, objects: &[Entry], tables: &[&Path]) -> Option<String> {
     let other = |object: &Entry| tables[object.table].display().to_string();
     if let Some(object) = objects.iter().find(|object| object.info.name == row.name) {
-        return Some(format!("object '{}': {} has this name, too; names are unique", row.name, other(object)));
+        return Some(format!(
+            "object '{}': {} has this name, too; names are unique",
+            row.name,
+            other(object)
+        ));
     }
     let object = objects.iter().find(|object| object.info.bop_id == row.bop_id)?;
     let free = 1 + objects.iter().map(|object| object.info.bop_id).max().unwrap_or(0);

@@ -64,7 +64,10 @@ mod tests {
     /// A closed surface over a grid that wraps around in both directions.
     fn wrapped(rows: u32, columns: u32, at: impl Fn(f64, f64) -> [f64; 3]) -> Mesh {
         let positions = (0..rows * columns).map(|i| {
-            let [x, y, z] = at(TAU * f64::from(i / columns) / f64::from(rows), TAU * f64::from(i % columns) / f64::from(columns));
+            let [x, y, z] = at(
+                TAU * f64::from(i / columns) / f64::from(rows),
+                TAU * f64::from(i % columns) / f64::from(columns),
+            );
             Point3::new(x as f32, y as f32, z as f32)
         });
         let corner = |r: u32, c: u32| r % rows * columns + c % columns;

@@ -165,7 +165,16 @@ impl ObjectModel {
     pub fn new(info: ObjectInfo, visual: Visual, collision: Vec<CollisionShape>) -> Self {
         let (min, max) = visual.mesh.bounds().unwrap_or((Point3::origin(), Point3::origin()));
         let diameter = visual.mesh.diameter();
-        Self { info, visual: Arc::new(visual), collision, min, max, diameter, source: None, rough: OnceLock::new() }
+        Self {
+            info,
+            visual: Arc::new(visual),
+            collision,
+            min,
+            max,
+            diameter,
+            source: None,
+            rough: OnceLock::new(),
+        }
     }
 
     /// The surface within 3 mm in a few hundred triangles: enough to tell what hides what.

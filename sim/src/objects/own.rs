@@ -88,7 +88,8 @@ impl OwnMesh {
     /// # Errors
     /// As [`OwnMesh::visual`], and when it has none.
     pub fn volume(&self) -> Result<f64> {
-        volume(&self.visual()?.0.mesh).ok_or_else(|| Error::invalid(&self.mesh, "is flat: an object has a volume"))
+        volume(&self.visual()?.0.mesh)
+            .ok_or_else(|| Error::invalid(&self.mesh, "is flat: an object has a volume"))
     }
 
     /// The object: looks, and convex pieces of the solid.
@@ -99,7 +100,9 @@ impl OwnMesh {
         let (visual, origin) = self.visual()?;
         let collision = match &self.collision {
             Some(path) => pieces(path, self.unit, &origin)?,
-            None => decompose::decompose(&visual.mesh).map_err(|message| Error::invalid(&self.mesh, message))?,
+            None => {
+                decompose::decompose(&visual.mesh).map_err(|message| Error::invalid(&self.mesh, message))?
+            }
         };
         let mut model = ObjectModel::new(info, visual, collision);
         model.source = Some(Arc::new(MeshSource {
@@ -113,7 +116,9 @@ impl OwnMesh {
 
 /// Cubic metres of what a mesh bounds, or of its convex hull where it is not closed; `None` for a flat one.
 pub fn volume(mesh: &Mesh) -> Option<f64> {
-    if mesh.is_closed() && let Some(mass) = solid_mass(mesh) {
+    if mesh.is_closed()
+        && let Some(mass) = solid_mass(mesh)
+    {
         return Some(mass.volume_m3);
     }
     solid_mass(&hull(mesh)?).map(|mass| mass.volume_m3)

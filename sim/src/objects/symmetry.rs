@@ -144,7 +144,6 @@ impl Surface {
     }
 }
 
-
 #[cfg(test)]
 mod tests {
     use std::path::Path;

@@ -123,7 +123,10 @@ impl ObjectRow {
     ///
     /// # Errors
     /// What is wrong with the mass; in words, the caller names the file.
-    pub fn info(&self, volume: impl FnOnce() -> Result<f64>) -> Result<std::result::Result<ObjectInfo, String>> {
+    pub fn info(
+        &self,
+        volume: impl FnOnce() -> Result<f64>,
+    ) -> Result<std::result::Result<ObjectInfo, String>> {
         let name = &self.name;
         let mass_kg = match (self.mass_kg, self.density_kg_m3) {
             (Some(mass), _) => mass,
@@ -142,7 +145,17 @@ impl ObjectRow {
         };
         let Self { bop_id, friction, symmetric, fragility, upright, revolution, .. } = *self;
         let (name, half_turns) = (name.clone(), self.half_turns.clone());
-        Ok(Ok(ObjectInfo { name, bop_id, mass_kg, friction, symmetric, fragility, upright, revolution, half_turns }))
+        Ok(Ok(ObjectInfo {
+            name,
+            bop_id,
+            mass_kg,
+            friction,
+            symmetric,
+            fragility,
+            upright,
+            revolution,
+            half_turns,
+        }))
     }
 }
 
@@ -204,7 +217,9 @@ fn check_row(row: &ObjectRow) -> std::result::Result<(), String> {
         ("density_kg_m3", row.density_kg_m3.is_some()),
     ];
     if let (None, Some((field, _))) = (&row.mesh, of_mesh.iter().find(|(_, given)| *given)) {
-        return Err(format!("object '{name}': {field} is for objects with a mesh of their own; give mesh, too"));
+        return Err(format!(
+            "object '{name}': {field} is for objects with a mesh of their own; give mesh, too"
+        ));
     }
     match (row.mass_kg, row.density_kg_m3) {
         (Some(mass), None) => within(&format!("object '{name}': mass_kg"), mass, 1e-3, 50.0)?,

@@ -12,7 +12,7 @@ const HELLO: &str = r#"echo '{"type":"hello","protocol":1,"name":"test"}'"#;
 
 /// An estimator that is run by `command`.
 fn external(command: &str, timeout: Duration) -> External {
-    let library = library(None).unwrap();
+    let library = library(None, &[]).unwrap();
     let models = ["005_tomato_soup_can", "011_banana"].map(|name| library.load(name).unwrap());
     let space = Workspace { min: [0.0; 3], max: [1.0; 3] };
     External {
