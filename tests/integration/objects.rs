@@ -3,7 +3,7 @@
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
-use crate::common::{code, edited_scene, grip, root, stderr, stdout};
+use crate::common::{self, code, edited_scene, grip, root, stderr, stdout};
 use serde_json::Value;
 
 /// The triangles of a prism over a counter-clockwise outline that is cut into `caps`, from 0 to `height`.
@@ -185,6 +185,15 @@ fn what_is_measured_of_a_mesh_is_what_geometry_says() {
     );
     assert!(table.contains("mesh = \"bracket.stl\"\nunit = \"mm\"\ndensity_kg_m3 = 1100.0"), "{table}");
 
+    // Another program measures the same.
+    let mut files = vec![shop.path("own.toml")];
+    for report in [&carton, &bracket, &block] {
+        files.push(shop.path(&format!("{}.json", report["name"].as_str().unwrap())));
+        std::fs::write(files.last().unwrap(), report.to_string()).unwrap();
+    }
+    let files: Vec<&Path> = files.iter().map(PathBuf::as_path).collect();
+    common::python("check_objects.py", "trimesh, tomllib", &files);
+
     // Nothing is written of what is wrong, and the error says what to try.
     let lidless = cuboid([0.05, 0.05, 0.08]);
     write_stl(&shop.path("lidless.stl"), &lidless[..lidless.len() - 2]);
@@ -250,6 +259,18 @@ fn every_command_takes_objects_of_ones_own() {
         serde_json::from_slice(&std::fs::read(shop.path("sweep/sweep.json")).unwrap()).unwrap();
     assert_eq!(manifest["object_set"], "own");
     assert!(manifest["objects"][0]["source"]["mesh"].as_str().unwrap().ends_with("carton.obj"));
+
+    // What hangs between two pads slips when 2 mu F < m g: here below a friction of 0.29.
+    for (friction, share) in [("0.2", 0.0), ("0.9", 1.0)] {
+        let out = shop.text(&format!("friction-{friction}"));
+        let more = ["--friction", friction, "--force", "5", "--objects", &table, "--out", &out];
+        let held = run(&[&["sweep", "carton"], &more[..], &few[..]].concat());
+        let held: Value = serde_json::from_str(&held).unwrap();
+        let lines = std::fs::read_to_string(Path::new(&out).join("grasps.jsonl")).unwrap();
+        let outcomes: Vec<Value> = lines.lines().map(|line| serde_json::from_str(line).unwrap()).collect();
+        let count = outcomes.iter().filter(|line| line["outcome"] == "held").count();
+        assert_eq!(count as f64, share * outcomes.len() as f64, "friction {friction}: {held} {lines}");
+    }
 
     let grasps = run(&["grasps", "bracket", "--objects", &table]);
     assert!(grasps.contains("bracket") && grasps.contains("object set: own"), "{grasps}");
