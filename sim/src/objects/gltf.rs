@@ -6,6 +6,7 @@
 //! The format has y up and z to the front; here z is up and x stays, as importers of z-up programs have it.
 
 use std::borrow::Cow;
+use std::collections::HashSet;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -345,8 +346,9 @@ struct Root {
 impl Root {
     /// What is drawn of a file without scenes.
     fn without_parents(&self) -> Vec<usize> {
-        let child = |index: &usize| self.nodes.iter().any(|node| node.children.contains(index));
-        (0..self.nodes.len()).filter(|index| !child(index)).collect()
+        let children: HashSet<usize> =
+            self.nodes.iter().flat_map(|node| node.children.iter().copied()).collect();
+        (0..self.nodes.len()).filter(|index| !children.contains(index)).collect()
     }
 }
 

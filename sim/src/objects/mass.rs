@@ -6,6 +6,9 @@ use parry3d::transformation::try_convex_hull;
 
 use crate::mesh::Mesh;
 
+/// What has less is flat, cubic metres: a cubic tenth of a millimetre.
+const LEAST_VOLUME: f64 = 1e-12;
+
 /// Of a solid of uniform density.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SolidMass {
@@ -35,7 +38,7 @@ pub fn solid_mass(mesh: &Mesh) -> Option<SolidMass> {
         let squares = a * a.transpose() + b * b.transpose() + c * c.transpose();
         second += sixth / 20.0 * (squares + sum * sum.transpose());
     }
-    if volume <= 1e-12 || !volume.is_finite() {
+    if volume <= LEAST_VOLUME || !volume.is_finite() {
         return None;
     }
     let center = first / volume;
@@ -49,7 +52,8 @@ pub fn hull(mesh: &Mesh) -> Option<Mesh> {
     let points: Vec<Vector> = mesh.positions.iter().map(|p| Vector::new(p.x, p.y, p.z)).collect();
     let (points, triangles) = try_convex_hull(&points).ok()?;
     let positions = points.iter().map(|p| Point3::new(p.x, p.y, p.z)).collect();
-    Some(Mesh { positions, triangles, ..Mesh::default() })
+    let hull = Mesh { positions, triangles, ..Mesh::default() };
+    (hull.volume() > LEAST_VOLUME).then_some(hull)
 }
 
 #[cfg(test)]
