@@ -56,6 +56,7 @@ pub mod graspers;
 mod html;
 mod matching;
 pub mod mjcf;
+pub mod object_report;
 pub mod pictures;
 pub mod plot;
 pub mod progress;

@@ -8,8 +8,7 @@ use grip_manip::grasp::GraspSet;
 use grip_sim::camera::Intrinsics;
 use grip_sim::condition::Condition;
 use grip_sim::mesh::Visual;
-use grip_sim::objects::ObjectInfo;
-use grip_sim::objects::ObjectModel;
+use grip_sim::objects::{MeshSource, ObjectInfo, ObjectModel};
 use grip_sim::robot::RobotModel;
 use grip_sim::scene::Scene;
 use schemars::JsonSchema;
@@ -38,7 +37,7 @@ pub struct ScenarioFile<'a> {
     grasps: Option<Digested<'a>>,
     /// How many objects are to be packed: the first of `objects`.
     items: usize,
-    object_set: &'a str,
+    object_set: String,
     renderer: &'a str,
     /// Who renders hypotheses.
     hypotheses: String,
@@ -76,6 +75,9 @@ struct Digested<'a> {
 pub struct ObjectEntry<'a> {
     info: &'a ObjectInfo,
     sha256: String,
+    /// The files of an object of one's own.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    source: Option<&'a MeshSource>,
 }
 
 /// A robot: where it was read, and SHA-256 of what is in it.
@@ -115,7 +117,7 @@ impl Scenario {
             grasper: grasper.description(),
             grasps: grasps.map(digested).transpose()?,
             items,
-            object_set: setup.library.set().label(),
+            object_set: setup.object_set(),
             renderer,
             hypotheses: setup.hypotheses.to_string(),
             robot: robot(setup),
@@ -146,6 +148,12 @@ impl Scenario {
             robot.remove("urdf");
             robot.remove("config");
         }
+        if let Some(objects) = value.pointer_mut("/scene/objects").and_then(Value::as_object_mut) {
+            objects.remove("tables");
+        }
+        for object in value.get_mut("objects").and_then(Value::as_array_mut).into_iter().flatten() {
+            object.as_object_mut().map(|entry| entry.remove("source"));
+        }
         // The maps of serde_json are sorted by their keys.
         format!("{:x}", Sha256::digest(value.to_string()))
     }
@@ -163,7 +171,7 @@ pub fn program() -> Program {
 
 /// What is known of an object, and the digest of its shape and looks.
 pub fn object(model: &ObjectModel) -> ObjectEntry<'_> {
-    ObjectEntry { info: &model.info, sha256: mesh_digest(model) }
+    ObjectEntry { info: &model.info, sha256: mesh_digest(model), source: model.source.as_deref() }
 }
 
 /// The robot: its name, where it was read, and digests of what is in it.

@@ -20,7 +20,7 @@ use grip_sim::bop::results::read_results;
 use grip_sim::camera::Intrinsics;
 use grip_sim::condition::ConditionSpec;
 use grip_sim::files;
-use grip_sim::objects::{mesh_io, table};
+use grip_sim::objects::{any_mesh, mesh_io, table};
 use grip_sim::pictures;
 use grip_sim::robot::{RobotConfig, RobotModel};
 use grip_sim::scene::Scene;
@@ -234,7 +234,7 @@ fn network(folder: &Path) {
 }
 
 /// All of them.
-pub const TARGETS: [Target; 17] = [
+pub const TARGETS: [Target; 18] = [
     Target { name: "urdf", files: &["r.urdf"], beside: nothing, read: robot },
     Target { name: "stl", files: &["m.stl"], beside: |folder| with_robot(folder, "m.stl"), read: robot },
     Target { name: "dae", files: &["m.dae"], beside: |folder| with_robot(folder, "m.dae"), read: robot },
@@ -253,6 +253,12 @@ pub const TARGETS: [Target; 17] = [
         files: &["m.ply"],
         beside: |folder| with_robot(folder, "m.ply"),
         read: |_, file| outcome(mesh_io::load_ply(file, 1e-3)),
+    },
+    Target {
+        name: "gltf",
+        files: &["m.gltf", "m.glb"],
+        beside: |folder| fs::write(folder.join("t.png"), PICTURE).unwrap(),
+        read: |_, file| outcome(any_mesh::load(file, 1.0)),
     },
     Target { name: "png", files: &["p.png"], beside: nothing, read: picture },
     Target { name: "jpeg", files: &["p.jpg"], beside: nothing, read: picture },

@@ -36,7 +36,8 @@ mod workspace;
 
 pub use detector::{
     BuiltInNetwork, ClusterSettings, Clusters, Detection, Detections, Detector, DetectorDescription,
-    DetectorSettings, HeatMap, HeatMaps, KnownObject, Providers, PyramidCnn, PyramidSettings, WholeImage,
+    DetectorSettings, HeatMap, HeatMaps, KnownObject, Providers, PyramidCnn, PyramidOrClusters,
+    PyramidSettings, WholeImage,
 };
 pub use error::{Error, Result};
 pub use estimator::PoseEstimator;
@@ -46,6 +47,7 @@ pub use grip::{
     SearchSettings, TrackSettings, UncertaintySettings,
 };
 pub use hypotheses::{HypothesisRenderer, HypothesisRendererChoice};
+pub use model::{RestingPose, resting_poses};
 pub use observation::ObservationSettings;
 pub use paper::{Centre, Holes, PaperEstimator, PaperSettings, Ranking};
 pub use posterior::{ColourVerdict, Mode, PosePosterior, TracePoint};

@@ -10,6 +10,7 @@ use serde::{Deserialize, Serialize};
 use crate::calibration::CalibrationError;
 use crate::error::{Error, Result};
 use crate::files;
+use crate::names;
 use crate::range::{Range, within};
 use crate::render::{Light, Lighting};
 
@@ -246,7 +247,11 @@ impl ConditionSpec {
         if !known.iter().any(|k| k == name) {
             return Err(Error::invalid(
                 dir,
-                format!("no condition '{name}' here; there are: {}", known.join(", ")),
+                format!(
+                    "no condition '{name}' here; there are: {}{}",
+                    known.join(", "),
+                    names::suggestion(known.iter().map(String::as_str), name)
+                ),
             ));
         }
         Self::load(&dir.join(format!("{name}.toml")))

@@ -4,10 +4,11 @@
 //! |---|---|
 //! | [`pose`] | rigid transforms that carry their frames in their type |
 //! | [`mesh`], [`shape`] | triangle meshes with materials; convex collision shapes |
-//! | [`objects`] | the 21 YCB-Video objects, built in or scanned |
+//! | [`objects`] | the 21 YCB-Video objects, built in or scanned, and objects of one's own |
 //! | [`robot`] | the robot model read from a URDF, and its kinematics |
 //! | [`scene`] | scene files: table, bin, robot placement, objects |
 //! | [`files`] | files of the project: on disk, or built into the program |
+//! | [`names`] | names that were mistyped |
 //! | [`range`] | numbers in files that may be ranges to draw from |
 //! | [`camera`], [`images`], [`frame`] | pinhole cameras, image types, and the frame that perception gets |
 //! | [`bop`] | data sets in the format of the BOP challenge, read and written |
@@ -32,6 +33,7 @@ pub mod gpu;
 pub mod images;
 pub mod lanes;
 pub mod mesh;
+pub mod names;
 pub mod objects;
 pub mod pictures;
 mod polygon;

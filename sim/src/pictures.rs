@@ -53,6 +53,15 @@ pub fn stored(path: &Path) -> Result<RgbImage> {
     rgb8(image, gamma).map_err(|reason| Error::invalid(path, reason))
 }
 
+/// [`stored`], of the bytes of a picture that is part of another file, whatever its EXIF says.
+///
+/// # Errors
+/// Why they are no whole picture; the caller names the file.
+pub(crate) fn stored_bytes(bytes: &[u8]) -> std::result::Result<RgbImage, String> {
+    let Picture { image, gamma, .. } = decode(bytes)?;
+    rgb8(image, gamma)
+}
+
 /// The values of a picture that is no colour picture: of depth, or a mask.
 ///
 /// # Errors

@@ -5,7 +5,9 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use anyhow::{Context, Result};
-use grip_perception::{Clusters, Detection, Detections, Detector, DetectorSettings, PyramidCnn, WholeImage};
+use grip_perception::{
+    Clusters, Detection, Detections, Detector, DetectorSettings, PyramidOrClusters, WholeImage,
+};
 use grip_sim::bop::{self, BopFrame, GroundTruth, GtInfo};
 use grip_sim::frame::CameraFrame;
 use grip_sim::objects::ObjectModel;
@@ -16,7 +18,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
-use crate::estimators::NetworkOptions;
+use crate::estimators::{NetworkOptions, tell_unknown};
 
 /// Standard deviation by which each side of a jittered box moves, as a share of the box's width or height.
 const JITTER: f64 = 0.1;
@@ -29,8 +31,8 @@ pub enum Boxes {
     Truth,
     /// The truth's with their sides moved, among false ones that are believed as much: what a mediocre detector says.
     Jittered,
-    /// PyramidCNN's.
-    Pyramid(Box<PyramidCnn>),
+    /// PyramidCNN's; of objects that it does not know, whatever stands on the support plane.
+    Pyramid(Box<PyramidOrClusters>),
     /// Whatever stands on the support plane.
     Clusters(Clusters),
     /// The whole image.
@@ -84,7 +86,10 @@ impl Boxes {
     pub fn open(name: &str, settings: &DetectorSettings, network: &NetworkOptions) -> Result<Self> {
         network.check_used(name == "pyramid", "--boxes pyramid")?;
         Ok(match name {
-            "pyramid" => Self::Pyramid(Box::new(network.open(&settings.pyramid)?)),
+            "pyramid" => Self::Pyramid(Box::new(PyramidOrClusters::new(
+                network.open(&settings.pyramid)?,
+                Clusters::new(settings.clusters.clone())?,
+            ))),
             "gt" => Self::Truth,
             "jittered" => Self::Jittered,
             "clusters" => Self::Clusters(Clusters::new(settings.clusters.clone())?),
@@ -124,17 +129,18 @@ impl Boxes {
     /// Whether boxes of these objects can be proposed, and whether those of a file are of these images.
     ///
     /// # Errors
-    /// When the network does not know an object, or none of the file's boxes is of what is asked for.
+    /// When an object has the number of another one that the network knows, or none of the file's boxes is of what is asked for.
     pub fn check<'a>(
         &self,
         models: impl IntoIterator<Item = &'a Arc<ObjectModel>>,
         images: &HashSet<(u32, u32)>,
     ) -> Result<()> {
         match self {
-            Self::Pyramid(network) => models.into_iter().try_for_each(|model| {
-                network.class_of(model)?;
+            Self::Pyramid(network) => {
+                let models: Vec<_> = models.into_iter().cloned().collect();
+                tell_unknown(&network.unknown(&models)?);
                 Ok(())
-            }),
+            }
             Self::File { boxes, .. } => {
                 let ids: HashSet<u32> = models.into_iter().map(|model| model.info.bop_id).collect();
                 let all: usize = boxes.values().map(Vec::len).sum();

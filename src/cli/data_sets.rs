@@ -7,11 +7,20 @@ use grip::dataset::DatasetOptions;
 use grip::estimators::{EstimatorKind, NetworkChoice, NetworkOptions, SecondStage};
 use grip_perception::Providers;
 
-use super::{Hypotheses, SceneArgs, SettingsFile};
+use super::{Hypotheses, SceneArgs, SettingsFile, is_table};
 
 /// `grip scenes`.
 #[derive(Debug, Args)]
 #[command(mut_arg("scene", |arg| arg.help("Scene file [default: scenes/adversarial.toml]")))]
+#[command(mut_arg("tables", |arg| {
+    arg.help(
+        "Objects to draw from, by name, separated by commas [default: the scene's]; and tables of objects of your own \
+         (docs/objects.md), beside the built-in ones; may be given more than once",
+    )
+    .value_name("LIST|TABLE.toml")
+    .value_delimiter(',')
+    .value_parser(clap::value_parser!(PathBuf))
+}))]
 pub struct ScenesArgs {
     #[command(flatten)]
     pub scene: SceneArgs,
@@ -21,9 +30,6 @@ pub struct ScenesArgs {
     /// How many scenes: each with its own objects, surroundings and light.
     #[arg(long, value_name = "N", default_value_t = 40, value_parser = clap::value_parser!(u32).range(1..=999_999))]
     pub scenes: u32,
-    /// Objects to draw from, by name, separated by commas [default: the scene's].
-    #[arg(long, value_name = "LIST", value_delimiter = ',')]
-    pub objects: Vec<String>,
     /// Frames of each scene: B, D, D1, D2, O1, O2, O3 of the paper (base, dark, light-left, light-right, clutter-1 to
     /// clutter-3), or NAME=CONDITION. Frames whose condition spreads the objects show the same poses.
     #[arg(long, value_name = "LIST", value_delimiter = ',', default_value = "B,D,D1,D2,O1,O2,O3")]
@@ -94,7 +100,14 @@ impl ScenesArgs {
     pub fn options(&self) -> DatasetOptions {
         DatasetOptions {
             scenes: self.scenes,
-            objects: self.objects.clone(),
+            objects: self
+                .scene
+                .tables
+                .tables
+                .iter()
+                .filter(|path| !is_table(path))
+                .map(|name| name.to_string_lossy().into_owned())
+                .collect(),
             views: self.views.clone(),
             camera: match self.camera {
                 CameraPlace::Head => grip::dataset::CameraPlace::Head,

@@ -15,7 +15,7 @@ use grip::experiment::sweep::{ErrorPattern, SweepOptions};
 use grip::graspers::GrasperKind;
 use grip::setup::{GROCERY, SetupOptions};
 
-use super::{Detector, DetectorArgs, Renderer, RobotFile, SettingsFile};
+use super::{Detector, DetectorArgs, ObjectTables, Renderer, RobotFile, SettingsFile};
 
 /// `grip trials`.
 #[derive(Debug, Args)]
@@ -54,6 +54,8 @@ pub struct TrialsArgs {
     /// Folder of scanned objects [env: GRIP_YCB_DIR].
     #[arg(long, value_name = "DIR")]
     pub ycb: Option<PathBuf>,
+    #[command(flatten)]
+    pub tables: ObjectTables,
     #[command(flatten)]
     pub robot: RobotFile,
     #[command(flatten)]
@@ -151,6 +153,8 @@ pub struct SweepArgs {
     #[arg(long, value_name = "DIR")]
     pub ycb: Option<PathBuf>,
     #[command(flatten)]
+    pub tables: ObjectTables,
+    #[command(flatten)]
     pub robot: RobotFile,
     #[command(flatten)]
     pub settings: SettingsFile,
@@ -194,6 +198,7 @@ impl TrialsArgs {
             setup: SetupOptions {
                 seed: self.seed,
                 ycb: self.ycb.clone(),
+                tables: self.tables.tables.clone(),
                 robot: self.robot.robot.clone(),
                 package_path: self.robot.package_path.clone(),
                 settings: Arc::new(settings),
@@ -238,6 +243,7 @@ impl SweepArgs {
                 scene: self.scene.clone().unwrap_or_else(|| grip::assets::find(GROCERY)),
                 seed: self.seed,
                 ycb: self.ycb.clone(),
+                tables: self.tables.tables.clone(),
                 robot: self.robot.robot.clone(),
                 package_path: self.robot.package_path.clone(),
                 settings: Arc::new(self.settings.load().context("settings of the sweep")?),

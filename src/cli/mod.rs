@@ -13,11 +13,13 @@ use grip_sim::robot::{RobotConfig, RobotModel};
 
 mod data_sets;
 mod experiments;
+mod objects;
 
 pub use data_sets::{
     ConvergenceArgs, DetectArgs, DetectorArgs, EstimateArgs, EvalArgs, ExplainArgs, ScenesArgs, SearchChoice,
 };
 pub use experiments::{MergeArgs, ReportArgs, SweepArgs, TrialsArgs};
+pub use objects::{AddArgs, ObjectTables, ObjectsArgs, ObjectsCommand, ObjectsListArgs, is_table};
 
 /// Grocery packing in simulation: GRIP estimates poses, a Fetch packs, physics decides, every grasp is scored.
 #[derive(Debug, Parser)]
@@ -65,7 +67,7 @@ pub enum Command {
     Grasps(GraspsArgs),
     /// Write a settled scene for another program: MuJoCo's MJCF.
     Export(ExportArgs),
-    /// List the objects and the set that is in use.
+    /// List the objects and the set that is in use, or add objects of your own.
     Objects(ObjectsArgs),
     /// Show the robot: what was loaded, joints, limits.
     Robot(RobotArgs),
@@ -89,6 +91,8 @@ pub struct SceneArgs {
     /// Folder of scanned objects (official YCB layout, or a BOP `models` folder) [env: GRIP_YCB_DIR].
     #[arg(long, value_name = "DIR")]
     pub ycb: Option<PathBuf>,
+    #[command(flatten)]
+    pub tables: ObjectTables,
     /// Another URDF of the robot, such as the upstream Fetch's.
     #[arg(long, value_name = "URDF")]
     pub robot: Option<PathBuf>,
@@ -107,6 +111,8 @@ impl SceneArgs {
             condition: condition.to_owned(),
             seed: self.seed,
             ycb: self.ycb.clone(),
+            // `grip scenes` has names of objects here, too.
+            tables: self.tables.tables.iter().filter(|path| is_table(path)).cloned().collect(),
             robot: self.robot.clone(),
             package_path: self.package_path.clone(),
             settings: Arc::new(self.settings.load()?),
@@ -263,17 +269,6 @@ pub struct ExportArgs {
     pub hand: bool,
 }
 
-/// `grip objects`.
-#[derive(Debug, Args)]
-pub struct ObjectsArgs {
-    /// Folder of scanned objects (official YCB layout, or a BOP `models` folder) [env: GRIP_YCB_DIR].
-    #[arg(long, value_name = "DIR")]
-    pub ycb: Option<PathBuf>,
-    /// Print JSON.
-    #[arg(long)]
-    pub json: bool,
-}
-
 /// `grip grasps`.
 #[derive(Debug, Args)]
 pub struct GraspsArgs {
@@ -286,6 +281,8 @@ pub struct GraspsArgs {
     /// Folder of scanned objects (official YCB layout, or a BOP `models` folder) [env: GRIP_YCB_DIR].
     #[arg(long, value_name = "DIR")]
     pub ycb: Option<PathBuf>,
+    #[command(flatten)]
+    pub tables: ObjectTables,
     #[command(flatten)]
     pub robot: RobotFile,
     #[command(flatten)]
@@ -394,10 +391,17 @@ mod tests {
         );
         let mut command = Cli::command().term_width(100);
         command.build();
-        for verb in command.get_subcommands_mut().filter(|verb| verb.get_name() != "help") {
+        fn section(page: &mut String, mark: &str, before: &str, verb: &mut clap::Command) {
+            let name = format!("{before} {}", verb.get_name());
             let help = verb.render_long_help().to_string();
             let lines: Vec<&str> = help.trim_end().lines().map(str::trim_end).collect();
-            page += &format!("\n## grip {}\n\n```text\n{}\n```\n", verb.get_name(), lines.join("\n"));
+            *page += &format!("\n{mark} {name}\n\n```text\n{}\n```\n", lines.join("\n"));
+            for inner in verb.get_subcommands_mut().filter(|inner| inner.get_name() != "help") {
+                section(page, &format!("{mark}#"), &name, inner);
+            }
+        }
+        for verb in command.get_subcommands_mut().filter(|verb| verb.get_name() != "help") {
+            section(&mut page, "##", "grip", verb);
         }
         let file = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/command-line.md");
         if std::env::var_os("GRIP_UPDATE_DOCS").is_some() {

@@ -16,7 +16,7 @@ use grip::setup;
 /// Finds the grasps, saves a file an object where `--out` says, prints how many there are.
 pub fn run(args: &GraspsArgs) -> Result<Done> {
     let folder = args.out.as_deref().map(RunDir::begin).transpose()?;
-    let library = setup::library(args.ycb.clone())?;
+    let library = setup::library(args.ycb.clone(), &args.tables.tables)?;
     let names: Vec<String> = match args.objects.as_slice() {
         [] => library.names().map(str::to_string).collect(),
         given => given.to_vec(),
@@ -24,7 +24,7 @@ pub fn run(args: &GraspsArgs) -> Result<Done> {
     let (urdf, robot, config) = args.robot.load()?;
     let name = robot.name().to_string();
     let planner = Planner::new(Arc::new(robot), Arc::new(config), args.settings.load()?.planner);
-    let mut sets = Vec::new();
+    let (mut sets, mut models) = (Vec::new(), Vec::new());
     let mut rows = Vec::new();
     for object in &names {
         let model = library.load(object)?;
@@ -39,7 +39,8 @@ pub fn run(args: &GraspsArgs) -> Result<Done> {
             format!("{narrow:.0} to {wide:.0}")
         };
         rows.push([object.clone(), grasps.candidates.len().to_string(), range, format!("{seconds:.2}")]);
-        let set = GraspSet::new(&model, library.set().label(), &name, &grasps.candidates);
+        let set = GraspSet::new(&model, &library.label([&model]), &name, &grasps.candidates);
+        models.push(model);
         if let Some(folder) = &folder {
             folder.write(&GraspSet::file_name(object), serde_json::to_string_pretty(&set)?)?;
         }
@@ -58,7 +59,7 @@ pub fn run(args: &GraspsArgs) -> Result<Done> {
     output::data(format_args!(
         "\nrobot: {name} ({}), object set: {}",
         urdf.display(),
-        library.set().label()
+        library.label(&models)
     ))?;
     Ok(Done::Fully)
 }

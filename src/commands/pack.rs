@@ -95,8 +95,9 @@ fn default_folder(args: &PackArgs, setup: &Setup) -> PathBuf {
     if let Some(model) = &args.network.detector_model {
         parts.push(model.label());
     }
-    if setup.library.set() != &ObjectSet::BuiltIn {
-        parts.push(setup.library.set().label().into());
+    let set = setup.object_set();
+    if set != ObjectSet::BuiltIn.label() {
+        parts.push(set);
     }
     if setup.hypotheses.name() != "cpu" {
         parts.push(setup.hypotheses.name().into());

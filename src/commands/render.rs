@@ -23,7 +23,7 @@ pub struct CameraFile<'a> {
     condition: &'a str,
     seed: u64,
     renderer: &'a str,
-    object_set: &'a str,
+    object_set: String,
     intrinsics: grip_sim::camera::Intrinsics,
     /// depth.png times this gives metres.
     depth_scale_m: f64,
@@ -62,7 +62,7 @@ pub fn run(args: &RenderArgs) -> Result<Done> {
         condition: &setup.condition.name,
         seed: setup.seed,
         renderer: renderer.name(),
-        object_set: setup.library.set().label(),
+        object_set: setup.object_set(),
         intrinsics: frame.intrinsics,
         depth_scale_m: 0.001,
         depth_noise: &setup.cell.scene.camera.depth_noise,

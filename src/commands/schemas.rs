@@ -7,6 +7,7 @@ use grip::experiment::plan::{self, ExperimentFile};
 use grip::experiment::sweep::{self, GraspLine, SweepFile};
 use grip::experiment::trials::{LeftOut, TimingLine};
 use grip::graspers::protocol as graspers;
+use grip::object_report::{self, ObjectReport};
 use grip::scenario::{self, ScenarioFile};
 use grip::score::outcome::{TRIAL_SCHEMA, TrialResult};
 use grip::settings::Settings;
@@ -73,6 +74,7 @@ pub fn all() -> Vec<(&'static str, Value)> {
         ("eval", written::<eval::EvalReport<'_>>(Some(eval::SCHEMA))),
         ("experiment-summary", written::<trials::ExperimentSummary>(Some(trials::SUMMARY_SCHEMA))),
         ("explain", written::<explain::ExplainReport<'_>>(Some(explain::SCHEMA))),
+        ("object-report", written::<ObjectReport<'_>>(Some(object_report::SCHEMA))),
         ("objects", written::<objects::ObjectList<'_>>(Some(objects::SCHEMA))),
         ("plan", written::<planning::PlanReport<'_>>(Some(planning::SCHEMA))),
         ("robot", written::<robot::RobotReport<'_>>(Some(robot::SCHEMA))),

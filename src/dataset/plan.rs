@@ -13,7 +13,9 @@ use grip_sim::sensor::Sensors;
 use grip_sim::sensor::lens::Lens;
 use schemars::JsonSchema;
 use serde::Serialize;
+use serde_json::Value;
 
+use crate::scenario;
 use crate::setup::{self, Setup};
 
 /// Version of dataset.json.
@@ -147,6 +149,9 @@ pub struct Plan {
     pub sensors: Sensors,
     object_set: String,
     renderer: String,
+    /// Objects that are not of a set, as in scenario.json.
+    #[serde(skip_serializing_if = "Vec::is_empty", default)]
+    own_objects: Vec<Value>,
     /// The scene file, with the objects to draw from.
     pub scene: Scene,
 }
@@ -201,8 +206,9 @@ impl Plan {
             depth_noise_name,
             any_depth_camera,
             sensors,
-            object_set: setup.library.set().label().into(),
+            object_set: setup.object_set(),
             renderer: device,
+            own_objects: own_objects(setup)?,
             scene: setup.cell.scene.clone(),
         })
     }
@@ -257,6 +263,19 @@ impl Plan {
         let Intrinsics { width, height, fx, fy, cx, cy } = self.intrinsics;
         CameraFile { width, height, fx, fy, cx, cy, depth_scale: Some(DEPTH_SCALE_MM) }
     }
+}
+
+/// What the scene's objects of one's own are, each once.
+fn own_objects(setup: &Setup) -> Result<Vec<Value>> {
+    let own = setup.models.iter().filter(|model| model.source.is_some());
+    let mut entries: Vec<Value> = Vec::new();
+    for model in own {
+        let entry = serde_json::to_value(scenario::object(model))?;
+        if !entries.contains(&entry) {
+            entries.push(entry);
+        }
+    }
+    Ok(entries)
 }
 
 fn is_zero(value: &f64) -> bool {

@@ -4,7 +4,8 @@ use std::sync::Arc;
 
 use anyhow::{Context, Result};
 use grip_perception::{
-    Clusters, Detection, Detections, Detector, PoseEstimator, PosePosterior, WholeImage, Workspace,
+    Clusters, Detection, Detections, Detector, PoseEstimator, PosePosterior, PyramidOrClusters, WholeImage,
+    Workspace,
 };
 use grip_sim::frame::CameraFrame;
 use grip_sim::objects::ObjectModel;
@@ -22,6 +23,8 @@ pub struct Grip {
     /// The network that the detector runs, with its fingerprint.
     network: Option<String>,
     stage: SecondStage,
+    /// Objects that the network does not know, for which clusters are proposed.
+    unknown: Vec<String>,
     /// The second stage over the table,
     table: Box<dyn PoseEstimator>,
     /// and whether it follows objects from look to look.
@@ -49,18 +52,21 @@ impl Grip {
             Ok(stage.open(&setup.settings, setup.hypotheses.clone(), Some(*workspace), false)?.0)
         };
         let settings = &setup.settings.perception.detector;
-        let mut name = None;
+        let (mut name, mut unknown) = (None, Vec::new());
+        let clusters = || Ok::<_, anyhow::Error>(Clusters::new(settings.clusters.clone())?.within(table));
         let detector: Box<dyn Detector> = match detector {
             DetectorKind::Pyramid => {
-                let pyramid = network.open(&settings.pyramid)?;
+                let pyramid = PyramidOrClusters::new(network.open(&settings.pyramid)?, clusters()?);
                 name = Some(pyramid.to_string());
+                unknown = pyramid.unknown(&setup.models)?;
+                super::tell_unknown(&unknown);
                 Box::new(pyramid)
             }
-            DetectorKind::Clusters => Box::new(Clusters::new(settings.clusters.clone())?.within(table)),
+            DetectorKind::Clusters => Box::new(clusters()?),
             DetectorKind::None => Box::new(WholeImage),
         };
         let (table, bin, follow) = (over(&table)?, over(&bin_space)?, setup.settings.belief.follow);
-        Ok(Self { detector, network: name, stage, table, follow, bin, bin_space })
+        Ok(Self { detector, network: name, stage, unknown, table, follow, bin, bin_space })
     }
 
     /// The part of the image that shows the inside of the bin, as the one box for each of `models`.
@@ -124,7 +130,12 @@ impl Perception for Grip {
     }
 
     fn description(&self) -> Value {
-        json!({ "name": self.stage.name(), "detector": self.detector.name(), "network": self.network })
+        let mut described =
+            json!({ "name": self.stage.name(), "detector": self.detector.name(), "network": self.network });
+        if !self.unknown.is_empty() {
+            described["clusters_for"] = json!(self.unknown);
+        }
+        described
     }
 
     fn detector(&self) -> &'static str {

@@ -163,6 +163,16 @@ impl Estimator {
     }
 }
 
+/// Says of which objects the detector knows nothing.
+pub(crate) fn tell_unknown(names: &[String]) {
+    if !names.is_empty() {
+        log::warn!(
+            "the detector's network has no class for {}: whatever stands on the table is proposed for it (the detector clusters)",
+            names.join(", ")
+        );
+    }
+}
+
 /// Names an estimator: `grip`, `paper`, `paper-guarded`, `truth`, `csv:FILE`, or `cmd:PROGRAM ARGUMENTS`.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub enum EstimatorKind {
@@ -225,9 +235,12 @@ impl FromStr for EstimatorKind {
             ("paper-guarded", _) => Ok(Self::PaperGuarded),
             ("truth", _) => Ok(Self::Truth),
             (_, Some(file)) if Path::new(file).file_stem().is_some() => Ok(Self::Csv(file.into())),
-            _ => Err("give grip, paper, paper-guarded, truth, csv: and a results file, or cmd: and a program with \
-                 its arguments"
-                .into()),
+            _ => {
+                let nearest = grip_sim::names::suggestion(["grip", "paper", "paper-guarded", "truth"], text);
+                Err(format!(
+                    "give grip, paper, paper-guarded, truth, csv: and a results file, or cmd: and a program with its arguments{nearest}"
+                ))
+            }
         }
     }
 }
@@ -332,7 +345,7 @@ mod tests {
 
     #[test]
     fn of_two_of_a_kind_each_stays_the_one_that_was_there() {
-        let library = library(None).unwrap();
+        let library = library(None, &[]).unwrap();
         let models =
             ["005_tomato_soup_can", "011_banana", "005_tomato_soup_can"].map(|n| library.load(n).unwrap());
         let at = |x: f64| Pose::from_xyz_rpy([x, 0.0, 0.0], [0.0; 3]);

@@ -19,6 +19,7 @@ use grip_sim::render::{Instance, Lighting, RenderScene, Renderer};
 use grip_sim::sensor::color::develop;
 use schemars::JsonSchema;
 use serde::Serialize;
+use serde_json::Value;
 
 use crate::assets;
 use crate::benchmark::camera_frame;
@@ -260,8 +261,15 @@ fn load<'a>(models: &'a mut BTreeMap<u32, Visual>, dataset: &Dataset, id: u32) -
 
 /// The names of objects by our table, for our own sets; others number their objects as they like.
 fn names(dataset: &Dataset) -> BTreeMap<u32, String> {
-    let ours = dataset.root().join("dataset.json").is_file();
-    let table = || objects::table::load(&assets::find("scenes/objects.toml")).ok();
     // A picture with numbers is better than none.
-    ours.then(table).flatten().unwrap_or_default().into_iter().map(|info| (info.bop_id, info.name)).collect()
+    let Ok(plan) = std::fs::read(dataset.root().join("dataset.json")) else { return BTreeMap::new() };
+    let table = objects::table::load(&assets::find("scenes/objects.toml")).unwrap_or_default();
+    let mut names: BTreeMap<u32, String> = table.into_iter().map(|row| (row.bop_id, row.name)).collect();
+    let plan: Value = serde_json::from_slice(&plan).unwrap_or_default();
+    for own in plan["own_objects"].as_array().into_iter().flatten() {
+        if let (Some(id), Some(name)) = (own["info"]["bop_id"].as_u64(), own["info"]["name"].as_str()) {
+            names.insert(id as u32, name.to_owned());
+        }
+    }
+    names
 }

@@ -22,6 +22,7 @@ use anyhow::{Context, Result, anyhow};
 use grip_manip::{ExecutorSettings, PlannerSettings};
 use grip_perception::PerceptionSettings;
 use grip_physics::PhysicsSettings;
+use grip_sim::names::suggestion_in;
 use grip_sim::sensor::SensorSettings;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -76,7 +77,8 @@ impl Settings {
         let mut tree = Value::try_from(Self::default()).context("the defaults")?;
         merge(&mut tree, Value::Table(changes));
         let settings: Self = serde_path_to_error::deserialize(tree.clone()).map_err(|error| {
-            anyhow!("{}: {}", error.path(), error.inner().to_string().trim_end().replace('\n', " "))
+            let message = error.inner().to_string().trim_end().replace('\n', " ");
+            anyhow!("{}: {message}{}", error.path(), suggestion_in(&message))
         })?;
         grip_sim::files::lists_fit::<Self>(&tree).map_err(|message| anyhow!(message))?;
         settings.validate()?;

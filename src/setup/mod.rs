@@ -43,6 +43,8 @@ pub struct SetupOptions {
     pub seed: u64,
     /// Folder of scanned objects; where none is given, `GRIP_YCB_DIR`; where that is not set, the built-in ones.
     pub ycb: Option<PathBuf>,
+    /// Tables of objects beside those of the scene: [`grip_sim::objects::table`].
+    pub tables: Vec<PathBuf>,
     /// Another URDF of the robot than the scene's.
     pub robot: Option<PathBuf>,
     /// Where `package://` meshes are looked up.
@@ -58,6 +60,7 @@ impl Default for SetupOptions {
             condition: "base".into(),
             seed: 1,
             ycb: None,
+            tables: Vec::new(),
             robot: None,
             package_path: Vec::new(),
             settings: Arc::default(),
@@ -107,7 +110,9 @@ impl Setup {
         let SetupOptions { scene: path, seed, settings, .. } = options;
         let cell = Cell::load(path, options.robot.as_deref(), &options.package_path)?;
         let condition = load_condition(&cell.folder, &options.condition)?;
-        let library = open_library(options.ycb.clone(), &cell.folder)?;
+        let of_scene = cell.scene.objects.tables.iter().map(|table| cell.folder.join(table));
+        let tables: Vec<PathBuf> = of_scene.chain(options.tables.iter().cloned()).collect();
+        let library = open_library(options.ycb.clone(), &cell.folder, &tables)?;
         let models = cell
             .scene
             .objects
@@ -263,6 +268,11 @@ impl Setup {
         Ok((frame, rendering))
     }
 
+    /// What to call the models of the scene's objects in outputs, such as `built-in`.
+    pub fn object_set(&self) -> String {
+        self.library.label(&self.models)
+    }
+
     /// The name of object `i`; of a further one of its kind with a number behind it.
     pub fn name(&self, i: usize) -> String {
         let name = &self.models[i].info.name;
@@ -297,19 +307,19 @@ impl Setup {
     }
 }
 
-/// `objects.toml` in `folder`, else the project's own.
-fn open_library(ycb: Option<PathBuf>, folder: &Path) -> Result<ObjectLibrary> {
+/// `objects.toml` in `folder`, else the project's own, and further tables.
+fn open_library(ycb: Option<PathBuf>, folder: &Path, tables: &[PathBuf]) -> Result<ObjectLibrary> {
     let beside = folder.join("objects.toml");
     let table = if grip_sim::files::exists(&beside) { beside } else { assets::find("scenes/objects.toml") };
-    Ok(ObjectLibrary::open(&table, resolve_set(ycb))?)
+    Ok(ObjectLibrary::with_tables(&table, tables, resolve_set(ycb))?)
 }
 
-/// The object library without a scene.
+/// The object library without a scene: the project's table and further ones.
 ///
 /// # Errors
-/// When the table of objects, or the folder of scanned ones, is wrong.
-pub fn library(ycb: Option<PathBuf>) -> Result<ObjectLibrary> {
-    Ok(ObjectLibrary::open(&assets::find("scenes/objects.toml"), resolve_set(ycb))?)
+/// When a table of objects, or the folder of scanned ones, is wrong.
+pub fn library(ycb: Option<PathBuf>, tables: &[PathBuf]) -> Result<ObjectLibrary> {
+    Ok(ObjectLibrary::with_tables(&assets::find("scenes/objects.toml"), tables, resolve_set(ycb))?)
 }
 
 /// A path to a file, or a name in the folder `conditions` beside the scene, else in the project's own.

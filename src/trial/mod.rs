@@ -547,7 +547,7 @@ impl<'a> Trial<'a> {
             estimator: self.options.estimator,
             grasper: self.options.grasper.name().to_owned(),
             detector: self.estimator.detector().into(),
-            object_set: setup.library.set().label().into(),
+            object_set: setup.object_set(),
             renderer: renderer.name().into(),
             hypotheses: setup.hypotheses.name().into(),
             requested: self.items,

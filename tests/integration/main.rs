@@ -17,6 +17,7 @@ mod graspers;
 mod init;
 mod input;
 mod metrics;
+mod objects;
 mod pack;
 mod plan;
 mod renderers;

@@ -57,6 +57,10 @@ fn files_keep_to_their_schemas() {
     tour.has("detector", &root().join("perception/models/pyramid-varied.json"));
 
     tour.prints("objects", &["objects"]);
+    let (mesh, own) = (root().join("robots/fetch/meshes/gripper_palm.obj"), tour.path("own.toml"));
+    let mesh = mesh.to_str().unwrap();
+    tour.prints("object-report", &["objects", "add", mesh, "--table", &own, "--density", "1200"]);
+    tour.has("object-table", Path::new(&own));
     tour.prints("robot", &["robot"]);
     let grasps = tour.path("grasps");
     tour.run(&["grasps", "005_tomato_soup_can", "--out", &grasps]);

@@ -2,12 +2,14 @@
 
 mod clusters;
 mod detections;
+mod fallback;
 mod pyramid;
 mod settings;
 mod whole_image;
 
 pub use self::clusters::{ClusterSettings, Clusters};
 pub use self::detections::{Detection, Detections, Detector};
+pub use self::fallback::PyramidOrClusters;
 pub use self::pyramid::{
     BuiltInNetwork, DetectorDescription, HeatMap, HeatMaps, KnownObject, Providers, PyramidCnn,
     PyramidSettings,

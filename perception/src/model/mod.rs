@@ -11,3 +11,4 @@ mod resting;
 pub(crate) use self::cache::ModelCache;
 pub(crate) use self::prepared::{Model, stream};
 pub(crate) use self::print::{Print, PrintedPoint, look};
+pub use self::resting::{RestingPose, resting_poses};

@@ -4,9 +4,10 @@
 //! A filter draws from these, so the shares matter and a degree does not. (`grip_manip::stable` asks another question: on
 //! which facets of the exact hull an object stands, without shares, to put it down flat.)
 
-use nalgebra::Vector3;
+use grip_sim::mesh::Mesh;
+use nalgebra::{Point3, Unit, Vector3};
 
-use crate::hull::directions;
+use crate::hull::{directions, extreme_points};
 
 /// A resting orientation, up to a turn about the vertical.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -25,6 +26,39 @@ const STARTS: usize = 400;
 const SAME: f32 = 0.05;
 /// Steps of the descent, radians, coarse to fine.
 const STEPS: [f32; 7] = [0.2, 0.1, 0.05, 0.02, 0.01, 0.004, 0.0015];
+
+/// Directions in which the hull's points are taken.
+const HULL_DIRECTIONS: usize = 400;
+
+/// An orientation in which an object rests on a plane, up to a turn about the vertical.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct RestingPose {
+    /// The direction in the mesh's frame that points down.
+    pub down: Unit<Vector3<f64>>,
+    /// Height of the mesh's origin over the plane, metres.
+    pub height_m: f64,
+    /// Share of all orientations that roll into this one, 0 to 1.
+    pub share: f64,
+}
+
+/// The orientations in which a mesh with this centre of mass rests on a plane, the commonest first.
+pub fn resting_poses(mesh: &Mesh, center_of_mass: &Point3<f64>) -> Vec<RestingPose> {
+    let points: Vec<Vector3<f32>> = mesh.positions.iter().map(|p| p.coords).collect();
+    if points.is_empty() {
+        return Vec::new();
+    }
+    let hull = extreme_points(&points, HULL_DIRECTIONS);
+    let mut poses: Vec<RestingPose> = resting_orientations(&hull, center_of_mass.coords.cast())
+        .into_iter()
+        .map(|resting| RestingPose {
+            down: Unit::new_normalize(resting.down.cast()),
+            height_m: f64::from(resting.height),
+            share: f64::from(resting.weight),
+        })
+        .collect();
+    poses.sort_by(|a, b| b.share.total_cmp(&a.share));
+    poses
+}
 
 /// Rolls the hull downhill from evenly spread orientations. `centroid` is the centre of mass in the object frame.
 pub(crate) fn resting_orientations(hull: &[Vector3<f32>], centroid: Vector3<f32>) -> Vec<Resting> {

@@ -137,6 +137,17 @@ fn a_pinch_holds_what_friction_holds() {
 }
 
 #[test]
+fn the_limit_of_slip_follows_the_mean_of_both_sides_friction() {
+    // 2 mu F, whatever the object's own coefficient: mu is the mean of it and the pads' 0.9.
+    for own in [0.1, 0.3, 1.2] {
+        let limit = MOST * (0.9 + own) / (0.9 + 0.6);
+        let bar = block([0.031, 0.03, 0.031], 0.3, own);
+        let [force, _] = Pinch::of(&bar).slips(|t| [limit * (0.8 + 0.05 * t), 0.0]);
+        near(&format!("friction {own}, hanging"), force, limit, 0.03);
+    }
+}
+
+#[test]
 fn what_friction_already_bears_is_lost_to_twisting() {
     // Near its end an ellipse falls steeply; and for a line it is an approximation, 5 and 12 % below what a line bears.
     for (share, within) in [(0.0, 0.03), (0.5, 0.06), (0.9, 0.13)] {

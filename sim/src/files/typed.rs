@@ -2,12 +2,19 @@
 
 use serde::de::DeserializeOwned;
 
+use crate::names;
+
 /// TOML text as a type.
 ///
 /// # Errors
-/// The parser's, with the place in the text; and for a list that is longer than its field, which the parser cuts without a word.
+/// The parser's, with the place in the text; and for a list that is longer than its field, which the parser cuts without a word. Of a name
+/// that there is not, the nearest is told.
 pub fn from_toml<T: DeserializeOwned>(text: &str) -> Result<T, String> {
-    let value: T = toml::from_str(text).map_err(|error| error.to_string().trim_end().to_owned())?;
+    let value: T = toml::from_str(text).map_err(|error| {
+        let message = error.to_string().trim_end().to_owned();
+        let nearest = names::suggestion_in(&message);
+        message + &nearest
+    })?;
     // Read again as a tree: from one, errors would not tell their place in the text.
     let tree: toml::Table = toml::from_str(text).map_err(|error| error.to_string())?;
     lists_fit::<T>(&toml::Value::Table(tree))?;

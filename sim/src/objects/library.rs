@@ -3,16 +3,28 @@
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 
+use super::own::OwnMesh;
+use super::table::ObjectRow;
 use super::{ObjectInfo, ObjectModel, ObjectSet, builtin, scans, table};
-use crate::{Error, Result};
+use crate::{Error, Result, names};
 
-/// The table and the models of one [`ObjectSet`]. Shared between threads as it is.
+/// The tables and the models of one [`ObjectSet`]. Shared between threads as it is.
 #[derive(Debug)]
 pub struct ObjectLibrary {
     set: ObjectSet,
-    infos: Vec<ObjectInfo>,
+    objects: Vec<Entry>,
+}
+
+/// An object of a table.
+#[derive(Debug)]
+struct Entry {
+    info: ObjectInfo,
+    /// Position of its table.
+    table: usize,
+    /// Its mesh, if it is none of the set.
+    own: Option<OwnMesh>,
     /// One lock an object, so that different objects load at the same time and each is loaded once.
-    models: Vec<Mutex<Option<Arc<ObjectModel>>>>,
+    model: Mutex<Option<Arc<ObjectModel>>>,
 }
 
 impl ObjectLibrary {
@@ -21,73 +33,142 @@ impl ObjectLibrary {
     /// # Errors
     /// If the table cannot be read or is wrong, or the set's folder does not exist.
     pub fn open(table: &Path, set: ObjectSet) -> Result<Self> {
-        let infos = table::load(table)?;
+        Self::with_tables(table, &[], set)
+    }
+
+    /// Reads the table, and further ones after it; one that is named twice is read once. Of rows that give a density the meshes are read
+    /// here, too.
+    ///
+    /// # Errors
+    /// As [`open`](Self::open), and if two tables use the same name or number.
+    pub fn with_tables(table: &Path, more: &[PathBuf], set: ObjectSet) -> Result<Self> {
         if let ObjectSet::Ycb(folder) | ObjectSet::Bop(folder) = &set {
             std::fs::read_dir(folder).map_err(|source| Error::io(folder, source))?;
         }
-        let models = infos.iter().map(|_| Mutex::new(None)).collect();
-        Ok(Self { set, infos, models })
+        let same = |path: &Path| path.canonicalize().unwrap_or_else(|_| path.to_path_buf());
+        let mut tables: Vec<&Path> = vec![table];
+        for path in more {
+            if !tables.iter().any(|known| same(known) == same(path)) {
+                tables.push(path);
+            }
+        }
+        let mut objects: Vec<Entry> = Vec::new();
+        for (index, path) in tables.iter().enumerate() {
+            for row in table::load(path)? {
+                if let Some(problem) = taken(&row, &objects, &tables) {
+                    return Err(Error::invalid(*path, problem));
+                }
+                objects.push(Entry::new(path, index, &row)?);
+            }
+        }
+        Ok(Self { set, objects })
     }
 
-    /// Names in the order of the table.
+    /// Names in the order of the tables.
     pub fn names(&self) -> impl Iterator<Item = &str> {
-        self.infos.iter().map(|info| info.name.as_str())
+        self.infos().map(|info| info.name.as_str())
     }
 
-    /// Where the models come from.
+    /// The facts of all objects, in the order of the tables.
+    pub fn infos(&self) -> impl Iterator<Item = &ObjectInfo> {
+        self.objects.iter().map(|object| &object.info)
+    }
+
+    /// Where the models come from that no table gives a mesh.
     pub fn set(&self) -> &ObjectSet {
         &self.set
     }
 
-    /// The table's row for `name`.
+    /// What to call the models of some objects in outputs: the set's label, `own` for objects of one's own, or both with a `+`.
+    pub fn label<'a>(&self, models: impl IntoIterator<Item = &'a Arc<ObjectModel>>) -> String {
+        let (mut own, mut all) = (0, 0);
+        for model in models {
+            own += usize::from(model.source.is_some());
+            all += 1;
+        }
+        match own {
+            0 => self.set.label().to_owned(),
+            _ if own == all => "own".to_owned(),
+            _ => format!("{}+own", self.set.label()),
+        }
+    }
+
+    /// The facts about `name`.
     ///
     /// # Errors
     /// [`Error::UnknownObject`] with the known names.
     pub fn info(&self, name: &str) -> Result<&ObjectInfo> {
-        self.index(name).map(|index| &self.infos[index])
+        self.entry(name).map(|object| &object.info)
     }
 
     /// The model of `name`; read or built the first time, shared after that.
     ///
     /// # Errors
-    /// [`Error::UnknownObject`], or what is wrong with the set's files.
+    /// [`Error::UnknownObject`], or what is wrong with the files of the set or of the object.
     pub fn load(&self, name: &str) -> Result<Arc<ObjectModel>> {
-        let index = self.index(name)?;
+        let object = self.entry(name)?;
         // A load that panicked left `None` behind, which is a good state.
-        let mut slot = self.models[index].lock().unwrap_or_else(PoisonError::into_inner);
+        let mut slot = object.model.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some(model) = &*slot {
             return Ok(Arc::clone(model));
         }
-        let info = self.infos[index].clone();
-        let model = Arc::new(match &self.set {
-            ObjectSet::BuiltIn => built_in(info)?,
-            ObjectSet::Ycb(folder) => scans::load_ycb(folder, info)?,
-            ObjectSet::Bop(folder) => scans::load_bop(folder, info)?,
+        let info = object.info.clone();
+        let model = Arc::new(match (&object.own, &self.set) {
+            (Some(own), _) => own.model(info)?,
+            (None, ObjectSet::BuiltIn) => built_in(info)?,
+            (None, ObjectSet::Ycb(folder)) => scans::load_ycb(folder, info)?,
+            (None, ObjectSet::Bop(folder)) => scans::load_bop(folder, info)?,
         });
         *slot = Some(Arc::clone(&model));
         Ok(model)
     }
 
-    fn index(&self, name: &str) -> Result<usize> {
-        self.infos.iter().position(|info| info.name == name).ok_or_else(|| self.unknown(name))
+    fn entry(&self, name: &str) -> Result<&Entry> {
+        self.objects.iter().find(|object| object.info.name == name).ok_or_else(|| self.unknown(name))
     }
 
     fn unknown(&self, name: &str) -> Error {
         let known: Vec<&str> = self.names().collect();
-        let mut text = known.join(", ");
-        let closest = known.iter().filter_map(|known| Some((edits(known, name)?, known))).min();
-        if let Some((_, known)) = closest {
-            text.push_str(&format!("; did you mean '{known}'?"));
-        }
-        Error::UnknownObject { name: name.to_owned(), known: text }
+        let nearest = names::suggestion(known.iter().copied(), name);
+        Error::UnknownObject { name: name.to_owned(), known: known.join(", ") + &nearest }
     }
+}
+
+impl Entry {
+    fn new(path: &Path, table: usize, row: &ObjectRow) -> Result<Self> {
+        let own = OwnMesh::of(path, row);
+        let info = row.info(|| own.as_ref().map_or(Ok(0.0), OwnMesh::volume))?;
+        let info = info.map_err(|message| Error::invalid(path, message))?;
+        Ok(Self { info, table, own, model: Mutex::new(None) })
+    }
+}
+
+/// What a row has that an object of an earlier table has already.
+fn taken(row: &ObjectRow, objects: &[Entry], tables: &[&Path]) -> Option<String> {
+    let other = |object: &Entry| tables[object.table].display().to_string();
+    if let Some(object) = objects.iter().find(|object| object.info.name == row.name) {
+        return Some(format!(
+            "object '{}': {} has this name, too; names are unique",
+            row.name,
+            other(object)
+        ));
+    }
+    let object = objects.iter().find(|object| object.info.bop_id == row.bop_id)?;
+    let free = 1 + objects.iter().map(|object| object.info.bop_id).max().unwrap_or(0);
+    Some(format!(
+        "object '{}': bop_id = {} is that of '{}' in {}; ids are unique over all tables: {free} and above are free there",
+        row.name,
+        row.bop_id,
+        object.info.name,
+        other(object)
+    ))
 }
 
 fn built_in(info: ObjectInfo) -> Result<ObjectModel> {
     let model = builtin::build(&info.name).ok_or_else(|| {
         Error::invalid(
             &info.name,
-            "there is no built-in model of this object; give a scanned set with --ycb or GRIP_YCB_DIR",
+            "there is no built-in model of this object; give its row of the table a mesh, or a scanned set with --ycb or GRIP_YCB_DIR",
         )
     })?;
     Ok(ObjectModel::new(info, model.visual, model.collision))
@@ -114,19 +195,6 @@ fn holds_bop_models(folder: &Path) -> bool {
             name.starts_with("obj_") && name.ends_with(".ply")
         })
     })
-}
-
-/// How many letters were mistyped, if `known` may have been meant: the whole name or the one without its number. 0 where
-/// `typed` is a part of it.
-fn edits(known: &str, typed: &str) -> Option<usize> {
-    let (known, typed) = (known.to_ascii_lowercase(), typed.to_ascii_lowercase());
-    if !typed.is_empty() && known.contains(&typed) {
-        return Some(0);
-    }
-    let unnumbered = known.split_once('_').map_or(known.as_str(), |(_, name)| name);
-    let edits = strsim::levenshtein(&known, &typed).min(strsim::levenshtein(unnumbered, &typed));
-    // A guess must share at least half of what was typed.
-    (edits <= 5 && 2 * edits <= typed.len()).then_some(edits)
 }
 
 #[cfg(test)]

@@ -7,6 +7,7 @@ use std::sync::Arc;
 
 use super::obj::{self, Obj};
 pub use super::ply::load_ply;
+pub(super) use super::ply::load_ply_mesh;
 use crate::files;
 use crate::mesh::{Material, Mesh, Visual};
 use crate::pictures;

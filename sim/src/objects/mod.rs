@@ -1,11 +1,14 @@
-//! The 21 YCB-Video objects: a table of facts (`scenes/objects.toml`) and a model for each, built in code or read from
-//! a scanned set.
+//! Objects: tables of facts and a model for each row. The 21 YCB-Video objects (`scenes/objects.toml`) are built in code or
+//! read from a scanned set; objects of one's own are read from mesh files.
 //!
 //! | module | what it does |
 //! |---|---|
-//! | [`table`] | reads and checks `scenes/objects.toml` |
-//! | [`library`] | the table and the models of one set, loaded when asked for |
+//! | [`table`] | reads and checks tables such as `scenes/objects.toml` |
+//! | [`library`] | the tables and the models of one set, loaded when asked for |
 //! | `builtin` | parametric models of all 21 objects |
+//! | [`own`] | models of one's own, from the files that a row names |
+//! | [`any_mesh`], `gltf` | a mesh in whatever format; glTF files |
+//! | [`mass`] | volume, centre of mass and inertia of a mesh |
 //! | [`scans`] | models from the official YCB scans or from BOP |
 //! | [`mesh_io`] | OBJ and PLY files |
 //! | `obj` | OBJ files and material libraries as people write them |
@@ -13,12 +16,16 @@
 //! | [`Axis`] | turns that keep an object's shape, as declared in the table |
 //! | [`collision_error()`] | how far the pieces are from the mesh |
 
+pub mod any_mesh;
 mod builtin;
 pub mod collision_error;
 pub mod decompose;
+mod gltf;
 pub mod library;
+pub mod mass;
 pub mod mesh_io;
 pub(crate) mod obj;
+pub mod own;
 pub(crate) mod ply;
 pub mod scans;
 mod symmetry;
@@ -36,7 +43,8 @@ use crate::shape::CollisionShape;
 
 pub use collision_error::{CollisionError, collision_error};
 pub use library::{ObjectLibrary, resolve_set};
-pub use symmetry::Axis;
+pub use own::MeshSource;
+pub use symmetry::{Axis, measured as measured_symmetry};
 
 /// Where the models come from.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -94,17 +102,17 @@ impl Fragility {
     }
 }
 
-/// One row of `scenes/objects.toml`.
+/// The facts about an object: a row of its table.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ObjectInfo {
-    /// YCB name, such as `005_tomato_soup_can`.
+    /// Such as `005_tomato_soup_can`.
     pub name: String,
-    /// The object's number in YCB-Video's BOP data set, 1 to 21.
+    /// The object's number in BOP data sets; of the YCB objects that in YCB-Video, 1 to 21.
     pub bop_id: u32,
-    /// Mass, kilograms (YCB object list).
+    /// Mass, kilograms (of the YCB objects: their list).
     pub mass_kg: f64,
-    /// Coulomb friction against the table and the pads' average rule.
+    /// Coulomb friction; a contact has the mean of both sides' coefficients.
     pub friction: f64,
     /// Scored by ADD-S because turned copies cannot be told apart by shape.
     pub symmetric: bool,
@@ -144,6 +152,8 @@ pub struct ObjectModel {
     pub max: Point3<f64>,
     /// Largest distance between two vertices, metres.
     pub diameter: f64,
+    /// The files it is from, if it is none of a set's models.
+    pub source: Option<Arc<MeshSource>>,
     rough: OnceLock<Mesh>,
 }
 
@@ -155,7 +165,16 @@ impl ObjectModel {
     pub fn new(info: ObjectInfo, visual: Visual, collision: Vec<CollisionShape>) -> Self {
         let (min, max) = visual.mesh.bounds().unwrap_or((Point3::origin(), Point3::origin()));
         let diameter = visual.mesh.diameter();
-        Self { info, visual: Arc::new(visual), collision, min, max, diameter, rough: OnceLock::new() }
+        Self {
+            info,
+            visual: Arc::new(visual),
+            collision,
+            min,
+            max,
+            diameter,
+            source: None,
+            rough: OnceLock::new(),
+        }
     }
 
     /// The surface within 3 mm in a few hundred triangles: enough to tell what hides what.

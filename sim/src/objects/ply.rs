@@ -30,6 +30,14 @@ pub fn load_ply(path: &Path, unit_scale: f64) -> Result<Visual> {
     finish(path, mesh, material)
 }
 
+/// The mesh of a file alone, whatever its texture.
+///
+/// # Errors
+/// As [`load_ply`].
+pub(super) fn load_ply_mesh(path: &Path) -> Result<Mesh> {
+    parse(&files::read(path)?, 1.0).map(|(mesh, _)| mesh).map_err(|m| Error::invalid(path, m))
+}
+
 /// The mesh in the bytes of a file, and the name of its texture.
 ///
 /// # Errors

@@ -3,9 +3,17 @@
 //! They are symmetries of the shape, not of the label: a can that is turned about its axis shows another side of its
 //! paper. Only turns about the object frame's own axes can be declared, which is all that the 21 objects need.
 
-use nalgebra::{Unit, UnitQuaternion, Vector3};
+use nalgebra::{Point3, Unit, UnitQuaternion, Vector3};
+use parry3d::math::Vector;
+use parry3d::query::PointQuery;
+use parry3d::shape::TriMesh;
+use rayon::prelude::*;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
+
+use crate::convert;
+use crate::mesh::Mesh;
+use crate::rng;
 
 /// An axis of the object frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, JsonSchema)]
@@ -75,58 +83,76 @@ pub(super) fn problem(revolution: Option<Axis>, half_turns: &[Axis]) -> Option<S
     }
 }
 
+/// A turn keeps the shape if it moves no point of the surface farther off it than this share of the diameter.
+const KEPT: f64 = 0.01;
+/// Vertices that are looked at, of a mesh with more every so many.
+const MOST_VERTICES: usize = 20_000;
+
+/// The turns about the axes that keep a mesh's shape to 1 % of its `diameter`, as the table has them: the axis of revolution,
+/// and the axes of half turns beyond it.
+pub fn measured(mesh: &Mesh, diameter: f64) -> (Option<Axis>, Vec<Axis>) {
+    let Some(surface) = Surface::new(mesh) else { return (None, Vec::new()) };
+    let kept = |off: f64| off < KEPT * diameter;
+    let mut half: Vec<Axis> =
+        Axis::ALL.into_iter().filter(|axis| kept(surface.off(*axis, std::f64::consts::PI))).collect();
+    // What keeps the shape at any angle keeps it at half a turn. Of a ball's three axes z is told.
+    let revolution = half.iter().rev().copied().find(|axis| kept(surface.off_revolved(*axis)));
+    if let Some(axis) = revolution {
+        half.retain(|other| *other != axis);
+        // One makes the other.
+        half.truncate(1);
+    } else if half.len() == 2 {
+        half = Axis::ALL.to_vec();
+    }
+    (revolution, half)
+}
+
+/// A surface, and points all over it.
+struct Surface {
+    points: Vec<Point3<f64>>,
+    mesh: TriMesh,
+}
+
+impl Surface {
+    /// `None` for a mesh that parry cannot take.
+    fn new(mesh: &Mesh) -> Option<Self> {
+        let mut points = mesh.sample_surface(4000, &mut rng::stream(1, "symmetry"));
+        let every = mesh.positions.len().div_ceil(MOST_VERTICES).max(1);
+        points.extend(mesh.positions.iter().step_by(every).map(|p| p.cast::<f64>()));
+        let corners = mesh.positions.iter().map(|p| Vector::new(p.x, p.y, p.z)).collect();
+        Some(Self { points, mesh: TriMesh::new(corners, mesh.triangles.clone()).ok()? })
+    }
+
+    /// How far the turned surface lies off the unturned one at most, metres. A turn and its reverse give the two
+    /// sides of the Hausdorff distance, so both are tried.
+    fn off(&self, axis: Axis, angle: f64) -> f64 {
+        let farthest = |turn: UnitQuaternion<f64>| {
+            self.points
+                .par_iter()
+                .map(|p| {
+                    let at = convert::point(&(turn * p));
+                    f64::from(self.mesh.project_local_point(at, false).point.distance(at))
+                })
+                .reduce(|| 0.0, f64::max)
+        };
+        farthest(axis.turn(angle)).max(farthest(axis.turn(-angle)))
+    }
+
+    /// The worst of turns by angles that have no common measure with the 48 or 64 sides of round models.
+    fn off_revolved(&self, axis: Axis) -> f64 {
+        [0.31, 0.97, 1.61, 2.23, 2.89].map(|angle| self.off(axis, angle)).into_iter().fold(0.0, f64::max)
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use std::path::Path;
 
-    use nalgebra::Point3;
-    use parry3d::math::Vector;
-    use parry3d::query::PointQuery;
-    use parry3d::shape::TriMesh;
-    use rayon::prelude::*;
-
     use super::*;
-    use crate::mesh::Mesh;
     use crate::objects::{ObjectInfo, ObjectLibrary, ObjectSet};
 
-    /// A declared turn moves no point of the surface farther off it than this share of the diameter.
-    const DECLARED: f64 = 0.01;
     /// A turn that is not declared moves some point farther off than this share.
     const UNDECLARED: f64 = 0.005;
-
-    struct Surface {
-        points: Vec<Point3<f64>>,
-        mesh: TriMesh,
-    }
-
-    impl Surface {
-        fn new(mesh: &Mesh) -> Self {
-            let mut points = mesh.sample_surface(4000, &mut crate::rng::stream(1, "symmetry"));
-            points.extend(mesh.positions.iter().map(|p| p.cast::<f64>()));
-            let corners = mesh.positions.iter().map(|p| Vector::new(p.x, p.y, p.z)).collect();
-            Self { points, mesh: TriMesh::new(corners, mesh.triangles.clone()).unwrap() }
-        }
-
-        /// How far the turned surface lies off the unturned one at most, metres. A turn and its reverse give the two
-        /// sides of the Hausdorff distance, so both are tried.
-        fn off(&self, axis: Axis, angle: f64) -> f64 {
-            let farthest = |turn: UnitQuaternion<f64>| {
-                self.points
-                    .par_iter()
-                    .map(|p| {
-                        let at = crate::convert::point(&(turn * p));
-                        f64::from(self.mesh.project_local_point(at, false).point.distance(at))
-                    })
-                    .reduce(|| 0.0, f64::max)
-            };
-            farthest(axis.turn(angle)).max(farthest(axis.turn(-angle)))
-        }
-
-        /// The worst of turns by angles that have no common measure with the 48 or 64 sides of round models.
-        fn off_revolved(&self, axis: Axis) -> f64 {
-            [0.31, 0.97, 1.61, 2.23, 2.89].map(|angle| self.off(axis, angle)).into_iter().fold(0.0, f64::max)
-        }
-    }
 
     /// Whether the declaration holds the half turn about `axis`, in itself or by composition.
     fn holds(info: &ObjectInfo, axis: Axis) -> bool {
@@ -141,7 +167,9 @@ mod tests {
         let library = ObjectLibrary::open(&table, ObjectSet::BuiltIn).unwrap();
         for name in library.names() {
             let model = library.load(name).unwrap();
-            let surface = Surface::new(&model.visual.mesh);
+            let surface = Surface::new(&model.visual.mesh).unwrap();
+            let declared = (model.info.revolution, model.info.half_turns.clone());
+            assert_eq!(measured(&model.visual.mesh, model.diameter), declared, "{name}");
             let share = |distance: f64| distance / model.diameter;
             let mut line = format!("{name:24}");
             for axis in Axis::ALL {
@@ -149,12 +177,12 @@ mod tests {
                 let round = share(surface.off_revolved(axis));
                 line.push_str(&format!("  {}: half {half:.4} round {round:.4}", axis.letter()));
                 if holds(&model.info, axis) {
-                    assert!(half < DECLARED, "{name}: declared half turn about {axis:?} is off by {half}");
+                    assert!(half < KEPT, "{name}: declared half turn about {axis:?} is off by {half}");
                 } else {
                     assert!(half > UNDECLARED, "{name}: half turn about {axis:?} holds but is not declared");
                 }
                 if model.info.revolution == Some(axis) {
-                    assert!(round < DECLARED, "{name}: declared revolution about {axis:?} is off by {round}");
+                    assert!(round < KEPT, "{name}: declared revolution about {axis:?} is off by {round}");
                 } else {
                     assert!(
                         round > UNDECLARED,

@@ -13,7 +13,7 @@ use crate::mesh::{Material, Mesh};
 use crate::objects::obj::{self, Obj};
 
 /// Reads all parts of a mesh file, scaled along the axes.
-pub(super) fn load(path: &Path, scale: &Vector3<f64>) -> Result<Vec<Part>, String> {
+pub(crate) fn load(path: &Path, scale: &Vector3<f64>) -> Result<Vec<Part>, String> {
     let ending = path.extension().and_then(|ending| ending.to_str()).unwrap_or("").to_ascii_lowercase();
     let mut parts = match ending.as_str() {
         "stl" => vec![Part { mesh: stl::load(&read(path)?)?, material: None }],

@@ -13,7 +13,7 @@ use crate::pictures;
 
 /// One mesh of a file, with the material that the file gives it.
 #[derive(Debug)]
-pub(super) struct Part {
+pub(crate) struct Part {
     pub mesh: Mesh,
     /// `None` when the file has none: the URDF's material applies.
     pub material: Option<Material>,

@@ -1,5 +1,7 @@
 //! What lies on the table.
 
+use std::path::PathBuf;
+
 use rand::RngExt;
 use rand::seq::index;
 use schemars::JsonSchema;
@@ -11,7 +13,10 @@ use crate::pose::{Object, Pose, World};
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ObjectPlacement {
-    /// Objects by YCB name; of one that stands here several times there are so many.
+    /// Tables of objects beside the built-in one, relative to the scene file.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub tables: Vec<PathBuf>,
+    /// Objects by name; of one that stands here several times there are so many.
     pub names: Vec<String>,
     /// How many of them a run draws from its seed; all of them, in this order, unless given.
     #[serde(default)]
@@ -66,7 +71,7 @@ impl ObjectPlacement {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct PlacedObject {
-    /// YCB name; must be among the scene's names.
+    /// Name; must be among the scene's names.
     pub name: String,
     /// World from object.
     pub pose: Pose<World, Object>,

@@ -13,7 +13,7 @@ use crate::setup::library;
 const HELLO: &str = r#"echo '{"type":"hello","protocol":1,"name":"test"}'"#;
 
 fn models() -> Vec<Arc<ObjectModel>> {
-    let library = library(None).unwrap();
+    let library = library(None, &[]).unwrap();
     ["005_tomato_soup_can", "011_banana"].map(|name| library.load(name).unwrap()).into()
 }
 

@@ -58,7 +58,7 @@ pub struct SweepFile<'a> {
     /// SHA-256 of the program's file.
     build_sha256: Option<String>,
     objects: Vec<ObjectEntry<'a>>,
-    object_set: &'a str,
+    object_set: String,
     first_seed: u64,
     seeds: u32,
     strategy: Strategy,
@@ -285,7 +285,7 @@ impl Sweep {
             program: scenario::program(),
             build_sha256: plan::build(),
             objects: models.iter().map(|model| scenario::object(model)).collect(),
-            object_set: self.setup.library.set().label(),
+            object_set: self.setup.library.label(&models),
             first_seed: self.seeds.0,
             seeds: self.seeds.1,
             strategy: self.strategy,

@@ -8,6 +8,8 @@ use crate::error::{Error, Result};
 
 /// Models of one object, built in and scanned, differ in diameter by less than this share.
 const SAME_DIAMETER: f64 = 0.1;
+/// What to do about an object that a detector does not know.
+const INSTEAD: &str = "use --boxes clusters (--detector clusters), or --detector-model with a network for it";
 
 /// The description of a detector, a JSON file beside its ONNX file.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -86,18 +88,24 @@ impl DetectorDescription {
     }
 
     /// The channel of an object: that of its name, or, where a data set names objects by number, of its number if it is as large.
-    pub(super) fn class_of(&self, object: &ObjectModel) -> Result<usize> {
+    /// None of an object that it does not know.
+    ///
+    /// # Errors
+    /// When the object has the number of one that it knows and is another one.
+    pub(super) fn knows(&self, object: &ObjectModel) -> Result<Option<usize>> {
         if let Some(i) = self.objects.iter().position(|known| known.name == object.info.name) {
-            return Ok(1 + i);
+            return Ok(Some(1 + i));
         }
-        let numbered = self.objects.iter().position(|known| known.bop_id == object.info.bop_id);
-        let instead = "use --boxes clusters (--detector clusters), or --detector-model with a network for it";
-        match numbered {
+        // An object of one's own has a name that means something.
+        if object.source.is_some() {
+            return Ok(None);
+        }
+        match self.objects.iter().position(|known| known.bop_id == object.info.bop_id) {
             Some(i) if (object.diameter / self.objects[i].diameter_m - 1.0).abs() < SAME_DIAMETER => {
-                Ok(1 + i)
+                Ok(Some(1 + i))
             }
             Some(i) => Err(Error::Detector(format!(
-                "object '{}' is number {} and {:.0} mm across, but that number of the detector {} is {}, {:.0} mm across: not the objects it knows; {instead}",
+                "object '{}' is number {} and {:.0} mm across, but that number of the detector {} is {}, {:.0} mm across: not the objects it knows; {INSTEAD}",
                 object.info.name,
                 object.info.bop_id,
                 1e3 * object.diameter,
@@ -105,12 +113,22 @@ impl DetectorDescription {
                 self.objects[i].name,
                 1e3 * self.objects[i].diameter_m,
             ))),
-            None => Err(Error::Detector(format!(
-                "object '{}' is none of the {} that the detector {} knows; {instead}",
+            None => Ok(None),
+        }
+    }
+
+    /// The channel of an object that it knows.
+    ///
+    /// # Errors
+    /// When it does not know it.
+    pub(super) fn class_of(&self, object: &ObjectModel) -> Result<usize> {
+        self.knows(object)?.ok_or_else(|| {
+            Error::Detector(format!(
+                "object '{}' is none of the {} that the detector {} knows; {INSTEAD}",
                 object.info.name,
                 self.objects.len(),
                 self.name
-            ))),
-        }
+            ))
+        })
     }
 }

@@ -191,6 +191,14 @@ impl PyramidCnn {
     pub fn class_of(&self, object: &ObjectModel) -> Result<usize> {
         self.description.class_of(object)
     }
+
+    /// [`class_of`](Self::class_of); none of an object that the network does not know.
+    ///
+    /// # Errors
+    /// When the object has the number of another one that the network knows.
+    pub fn knows(&self, object: &ObjectModel) -> Result<Option<usize>> {
+        self.description.knows(object)
+    }
 }
 
 impl fmt::Display for PyramidCnn {

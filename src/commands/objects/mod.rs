@@ -1,4 +1,6 @@
-//! `grip objects`: the table of objects and which set is in use.
+//! `grip objects`: the tables of objects and which set is in use.
+
+mod add;
 
 use anyhow::Result;
 use grip_sim::objects::ObjectInfo;
@@ -7,7 +9,7 @@ use serde::Serialize;
 
 use super::Done;
 use super::output;
-use crate::cli::ObjectsArgs;
+use crate::cli::{ObjectsArgs, ObjectsCommand, ObjectsListArgs};
 use grip::setup;
 
 /// Version of what `--json` prints.
@@ -21,10 +23,18 @@ pub struct ObjectList<'a> {
     objects: Vec<&'a ObjectInfo>,
 }
 
-/// Prints the table.
+/// Prints the tables, or adds an object to one.
 pub fn run(args: &ObjectsArgs) -> Result<Done> {
-    let library = setup::library(args.ycb.clone())?;
-    let infos = library.names().map(|name| library.info(name)).collect::<Result<Vec<_>, _>>()?;
+    match &args.command {
+        None => list(&args.list),
+        Some(ObjectsCommand::List(args)) => list(args),
+        Some(ObjectsCommand::Add(args)) => add::run(args),
+    }
+}
+
+fn list(args: &ObjectsListArgs) -> Result<Done> {
+    let library = setup::library(args.ycb.clone(), &args.tables.tables)?;
+    let infos: Vec<&ObjectInfo> = library.infos().collect();
     if args.json {
         output::json(&ObjectList { schema: SCHEMA, object_set: library.set().label(), objects: infos })?;
         return Ok(Done::Fully);
