@@ -14,6 +14,7 @@ use grip::experiment::sweep::errors::Axis;
 use grip::experiment::sweep::{ErrorPattern, SweepOptions};
 use grip::graspers::GrasperKind;
 use grip::setup::{GROCERY, SetupOptions};
+use grip_sim::camera::Intrinsics;
 
 use super::{Detector, DetectorArgs, ObjectTables, Renderer, RobotFile, SettingsFile};
 
@@ -56,6 +57,9 @@ pub struct TrialsArgs {
     pub ycb: Option<PathBuf>,
     #[command(flatten)]
     pub tables: ObjectTables,
+    /// Another camera than the scenes': FX,FY,CX,CY,WIDTH,HEIGHT in pixels, a ROS calibration (.yaml), or BOP's camera.json.
+    #[arg(long, value_name = "NUMBERS|FILE")]
+    pub intrinsics: Option<Intrinsics>,
     #[command(flatten)]
     pub robot: RobotFile,
     #[command(flatten)]
@@ -199,6 +203,7 @@ impl TrialsArgs {
                 seed: self.seed,
                 ycb: self.ycb.clone(),
                 tables: self.tables.tables.clone(),
+                intrinsics: self.intrinsics,
                 robot: self.robot.robot.clone(),
                 package_path: self.robot.package_path.clone(),
                 settings: Arc::new(settings),

@@ -9,6 +9,7 @@ use grip::estimators::{DetectorKind, EstimatorKind};
 use grip::graspers::GrasperKind;
 use grip::settings::Settings;
 use grip::setup::SetupOptions;
+use grip_sim::camera::Intrinsics;
 use grip_sim::robot::{RobotConfig, RobotModel};
 
 mod data_sets;
@@ -93,6 +94,9 @@ pub struct SceneArgs {
     pub ycb: Option<PathBuf>,
     #[command(flatten)]
     pub tables: ObjectTables,
+    /// Another camera than the scene's: FX,FY,CX,CY,WIDTH,HEIGHT in pixels, a ROS calibration (.yaml), or BOP's camera.json.
+    #[arg(long, value_name = "NUMBERS|FILE")]
+    pub intrinsics: Option<Intrinsics>,
     /// Another URDF of the robot, such as the upstream Fetch's.
     #[arg(long, value_name = "URDF")]
     pub robot: Option<PathBuf>,
@@ -113,6 +117,7 @@ impl SceneArgs {
             ycb: self.ycb.clone(),
             // `grip scenes` has names of objects here, too.
             tables: self.tables.tables.iter().filter(|path| is_table(path)).cloned().collect(),
+            intrinsics: self.intrinsics,
             robot: self.robot.clone(),
             package_path: self.package_path.clone(),
             settings: Arc::new(self.settings.load()?),

@@ -45,6 +45,8 @@ pub struct SetupOptions {
     pub ycb: Option<PathBuf>,
     /// Tables of objects beside those of the scene: [`grip_sim::objects::table`].
     pub tables: Vec<PathBuf>,
+    /// Another camera than the scene's.
+    pub intrinsics: Option<Intrinsics>,
     /// Another URDF of the robot than the scene's.
     pub robot: Option<PathBuf>,
     /// Where `package://` meshes are looked up.
@@ -61,6 +63,7 @@ impl Default for SetupOptions {
             seed: 1,
             ycb: None,
             tables: Vec::new(),
+            intrinsics: None,
             robot: None,
             package_path: Vec::new(),
             settings: Arc::default(),
@@ -121,9 +124,10 @@ impl Setup {
             .map(|name| library.load(name).with_context(|| format!("{}: objects.names", path.display())))
             .collect::<Result<Vec<_>>>()?;
         let name = cell.scene.camera.intrinsics.as_deref();
-        let intrinsics = match name.filter(|name| name.ends_with(".yaml") || name.ends_with(".yml")) {
-            Some(file) => Intrinsics::load_ros(&cell.folder.join(file)),
-            None => cell.config.intrinsics(&cell.robot, name),
+        let intrinsics = match (options.intrinsics, name.filter(|name| Intrinsics::is_file(name))) {
+            (Some(given), _) => Ok(given),
+            (None, Some(file)) => Intrinsics::load(&cell.folder.join(file)),
+            (None, None) => cell.config.intrinsics(&cell.robot, name),
         };
         let intrinsics = intrinsics.with_context(|| format!("{}: camera.intrinsics", path.display()))?;
         let camera = HeadCamera::new(&cell.scene, intrinsics, &settings.sensor, *seed)

@@ -13,8 +13,8 @@ use crate::range::Range;
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct CameraSetup {
-    /// Which of the robot's `[camera.intrinsics.NAME]`, such as `fetch` or `grip-paper`, or a ROS calibration file (`NAME.yaml`)
-    /// relative to the scene file; left out, the robot's default.
+    /// Which of the robot's `[camera.intrinsics.NAME]`, such as `fetch` or `grip-paper`, or a file relative to the scene's: a ROS
+    /// calibration (`NAME.yaml`) or BOP's `camera.json`; left out, the robot's default.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub intrinsics: Option<String>,
     /// Depth noise preset, such as `carmine-109` or `none`.
