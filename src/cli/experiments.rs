@@ -189,6 +189,7 @@ impl TrialsArgs {
                 seed: self.seed,
                 ycb: self.ycb.clone(),
                 robot: self.robot.robot.clone(),
+                robot_config: self.robot.robot_config.clone(),
                 package_path: self.robot.package_path.clone(),
                 settings: Arc::new(settings),
                 ..SetupOptions::default()
@@ -233,6 +234,7 @@ impl SweepArgs {
                 seed: self.seed,
                 ycb: self.ycb.clone(),
                 robot: self.robot.robot.clone(),
+                robot_config: self.robot.robot_config.clone(),
                 package_path: self.robot.package_path.clone(),
                 settings: Arc::new(self.settings.load().context("settings of the sweep")?),
                 ..SetupOptions::default()

@@ -91,6 +91,9 @@ pub struct SceneArgs {
     /// Another URDF of the robot, such as the upstream Fetch's.
     #[arg(long, value_name = "URDF")]
     pub robot: Option<PathBuf>,
+    /// Another file of what the URDF does not say: groups, poses, limits, gripper (robots/README.md).
+    #[arg(long, value_name = "FILE")]
+    pub robot_config: Option<PathBuf>,
     /// Where `package://` meshes are looked up; may be given more than once.
     #[arg(long, value_name = "DIR")]
     pub package_path: Vec<PathBuf>,
@@ -107,6 +110,7 @@ impl SceneArgs {
             seed: self.seed,
             ycb: self.ycb.clone(),
             robot: self.robot.clone(),
+            robot_config: self.robot_config.clone(),
             package_path: self.package_path.clone(),
             settings: Arc::new(self.settings.load()?),
         })
@@ -180,16 +184,20 @@ pub struct RobotFile {
     /// URDF [default: the scene's; robots/fetch/fetch.urdf where there is none].
     #[arg(long, value_name = "URDF")]
     pub robot: Option<PathBuf>,
+    /// What the URDF does not say: groups, poses, limits, gripper (robots/README.md) [default: the scene's;
+    /// robots/fetch/fetch.toml where there is none].
+    #[arg(long, value_name = "FILE")]
+    pub robot_config: Option<PathBuf>,
     /// Where `package://` meshes are looked up; may be given more than once.
     #[arg(long, value_name = "DIR")]
     pub package_path: Vec<PathBuf>,
 }
 
 impl RobotFile {
-    /// The URDF's path, the robot in it, and the project's settings of it.
+    /// The URDF's path, the robot in it, and its settings.
     pub fn load(&self) -> Result<(PathBuf, RobotModel, RobotConfig)> {
         let (urdf, robot) = self.model()?;
-        let config = Self::config(&urdf, &robot)?;
+        let (robot, config) = self.configured(&urdf, robot)?;
         Ok((urdf, robot, config))
     }
 
@@ -200,10 +208,17 @@ impl RobotFile {
         Ok((urdf, robot))
     }
 
-    /// The project's settings of a robot, if it is a Fetch.
-    pub fn config(urdf: &Path, robot: &RobotModel) -> Result<RobotConfig> {
-        RobotConfig::load(&grip::assets::find("robots/fetch/fetch.toml"), robot)
-            .with_context(|| format!("{}: does not fit the Fetch's settings", urdf.display()))
+    /// A robot with its settings, which are the Fetch's where none are named.
+    pub fn configured(&self, urdf: &Path, robot: RobotModel) -> Result<(RobotModel, RobotConfig)> {
+        let Some(config) = &self.robot_config else {
+            return RobotConfig::load(&grip::assets::find("robots/fetch/fetch.toml"), robot).with_context(|| {
+                format!(
+                    "{}: does not fit the Fetch's settings; give its own by --robot-config (robots/README.md)",
+                    urdf.display()
+                )
+            });
+        };
+        Ok(RobotConfig::load(config, robot)?)
     }
 }
 

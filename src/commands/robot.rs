@@ -8,7 +8,7 @@ use serde::Serialize;
 
 use super::Done;
 use super::output;
-use crate::cli::{RobotArgs, RobotFile};
+use crate::cli::RobotArgs;
 
 /// Version of what `--json` prints.
 pub const SCHEMA: &str = "grip.robot/2";
@@ -48,7 +48,7 @@ struct JointReport<'a> {
 /// Prints joints, limits and the count of what was read.
 pub fn run(args: &RobotArgs) -> Result<Done> {
     let (urdf, robot) = args.robot.model()?;
-    let unfit = RobotFile::config(&urdf, &robot).err().map(|error| format!("{error:#}"));
+    let unfit = args.robot.configured(&urdf, robot.clone()).err().map(|error| format!("{error:#}"));
     let loaded = robot.loaded();
     if args.json {
         let finite = |v: f64| v.is_finite().then_some(v);

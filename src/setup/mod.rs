@@ -42,6 +42,8 @@ pub struct SetupOptions {
     pub ycb: Option<PathBuf>,
     /// Another URDF of the robot than the scene's.
     pub robot: Option<PathBuf>,
+    /// Other settings of the robot than the scene's.
+    pub robot_config: Option<PathBuf>,
     /// Where `package://` meshes are looked up.
     pub package_path: Vec<PathBuf>,
     /// Settings of everything.
@@ -56,6 +58,7 @@ impl Default for SetupOptions {
             seed: 1,
             ycb: None,
             robot: None,
+            robot_config: None,
             package_path: Vec::new(),
             settings: Arc::default(),
         }
@@ -100,7 +103,8 @@ impl Setup {
     /// As [`Setup::load`].
     pub fn open(options: &SetupOptions) -> Result<Self> {
         let SetupOptions { scene: path, seed, settings, .. } = options;
-        let cell = Cell::load(path, options.robot.as_deref(), &options.package_path)?;
+        let [urdf, config] = [&options.robot, &options.robot_config].map(Option::as_deref);
+        let cell = Cell::load(path, urdf, config, &options.package_path)?;
         let condition = load_condition(&cell.folder, &options.condition)?;
         let library = open_library(options.ycb.clone(), &cell.folder)?;
         let models = cell
@@ -111,9 +115,11 @@ impl Setup {
             .map(|name| library.load(name).with_context(|| format!("{}: objects.names", path.display())))
             .collect::<Result<Vec<_>>>()?;
         let name = cell.scene.camera.intrinsics.as_deref();
-        let intrinsics = match name.filter(|name| name.ends_with(".yaml") || name.ends_with(".yml")) {
-            Some(file) => Intrinsics::load_ros(&cell.folder.join(file)),
-            None => cell.config.intrinsics(&cell.robot, name),
+        let file = name.filter(|name| name.ends_with(".yaml") || name.ends_with(".yml"));
+        let intrinsics = match (cell.scene.camera.calibration, file) {
+            (Some(own), _) => Ok(own),
+            (None, Some(file)) => Intrinsics::load_ros(&cell.folder.join(file)),
+            (None, None) => cell.config.intrinsics(&cell.robot, name),
         };
         let intrinsics = intrinsics.with_context(|| format!("{}: camera.intrinsics", path.display()))?;
         let camera = HeadCamera::new(&cell.scene, intrinsics, &settings.sensor, *seed)

@@ -27,6 +27,8 @@ pub struct ReachParams {
     pub headings: usize,
     /// Straight lift after a grasp and before a place, metres.
     pub lift: f64,
+    /// Distance of the open pads, metres.
+    pub opening: f64,
     /// Whole configuration to start from.
     pub start: Vec<f64>,
 }
@@ -128,7 +130,7 @@ fn reachable(
         allowed: &[],
         margins: Margins { world: 0.003, own: 0.003, spread: 0.0 },
     };
-    if checker.hand_collision(base_from_gripper, 0.10, &query).is_some() {
+    if checker.hand_collision(base_from_gripper, params.opening, &query).is_some() {
         return false;
     }
     let mut found = false;

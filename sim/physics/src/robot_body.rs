@@ -260,6 +260,7 @@ impl RobotBody {
                 &link_poses,
                 finger_joints[side],
                 side,
+                config.limits[finger_joints[side]].velocity,
                 &settings.fingers,
             )
         });
@@ -510,6 +511,7 @@ fn insert_finger(
     link_poses: &[Isometry3<f64>],
     joint: usize,
     side: usize,
+    speed: f64,
     settings: &FingerSettings,
 ) -> Result<Finger> {
     let data = &model.joints()[joint];
@@ -561,7 +563,7 @@ fn insert_finger(
         origin: data.origin,
         axis,
         pressing: data.axis.into_inner(),
-        speed: data.limits.velocity,
+        speed,
         upper: data.limits.upper,
         brakes: Vec::new(),
     })

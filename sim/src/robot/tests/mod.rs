@@ -20,8 +20,7 @@ fn folder() -> PathBuf {
 
 static FETCH: LazyLock<(RobotModel, RobotConfig)> = LazyLock::new(|| {
     let robot = RobotModel::load(&folder().join("fetch.urdf"), &[]).unwrap_or_else(|e| panic!("{e}"));
-    let config = RobotConfig::load(&folder().join("fetch.toml"), &robot).unwrap_or_else(|e| panic!("{e}"));
-    (robot, config)
+    RobotConfig::load(&folder().join("fetch.toml"), robot).unwrap_or_else(|e| panic!("{e}"))
 });
 
 /// Every joint anywhere within its limits, continuous ones within a turn.
