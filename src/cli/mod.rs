@@ -317,6 +317,22 @@ pub struct InitArgs {
 pub struct RobotArgs {
     #[command(flatten)]
     pub robot: RobotFile,
+    /// Check the robot in a scene: named poses for collisions, and the share of grasps and places that it reaches; ends with 1 where
+    /// something does not fit.
+    #[arg(long)]
+    pub check: bool,
+    /// Draw its named poses, from the front and from the side, in a scene: PNG.
+    #[arg(long, value_name = "FILE")]
+    pub draw: Option<PathBuf>,
+    /// The scene for `--check` and `--draw` [default: scenes/grocery.toml].
+    #[arg(long, value_name = "SCENE")]
+    pub scene: Option<PathBuf>,
+    /// Print `[self_collision]` with the pairs of links that may touch, found by sampling, and nothing else.
+    #[arg(long, conflicts_with_all = ["check", "draw", "json"])]
+    pub find_allowed: bool,
+    /// Write a first file for `--robot-config`, guessed from the URDF, to be checked by a person; none may be there.
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["check", "draw", "json", "find_allowed", "robot_config"])]
+    pub write_config: Option<PathBuf>,
     /// Print JSON.
     #[arg(long)]
     pub json: bool,

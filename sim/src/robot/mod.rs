@@ -11,6 +11,7 @@
 //! | `ik` | inverse kinematics: Levenberg-Marquardt within joint limits |
 //! | `config`, `config_file` | `fetch.toml`: groups, named poses, planning limits, camera, gripper |
 //! | `adapt` | what that file adds to a URDF: further URDFs, the gripper's frame, narrower limits |
+//! | `guess` | a first such file, guessed from a URDF |
 //! | `srdf`, `pairs` | pairs of links that may touch, from an SRDF or by sampling |
 //! | `head` | pointing the camera |
 //!
@@ -35,6 +36,7 @@ mod collada;
 mod config;
 mod config_file;
 mod head;
+mod guess;
 mod hull;
 mod ik;
 mod kinematics;
