@@ -7,7 +7,7 @@ use anyhow::{Context, Result, bail, ensure};
 use grip_manip::{BeliefScene, BinGeometry};
 use grip_perception::Workspace;
 use grip_sim::pose::{Camera, Pose, World};
-use grip_sim::robot::{RobotConfig, RobotModel};
+use grip_sim::robot::{RobotConfig, RobotModel, find_urdf};
 use grip_sim::scene::Scene;
 use nalgebra::{Isometry3, Point3};
 
@@ -79,7 +79,11 @@ impl Cell {
     ) -> Result<Self> {
         let scene = Scene::load(scene_file)?;
         let folder = scene_file.parent().unwrap_or(Path::new("."));
-        let urdf = urdf.map_or_else(|| folder.join(&scene.robot.urdf), Path::to_path_buf);
+        let urdf = match urdf {
+            Some(urdf) => urdf.to_path_buf(),
+            None => find_urdf(&scene.robot.urdf, folder, package_path)
+                .with_context(|| scene_file.display().to_string())?,
+        };
         let settings = config.map_or_else(|| folder.join(&scene.robot.config), Path::to_path_buf);
         let robot = RobotModel::load(&urdf, package_path)?;
         let (robot, config) = RobotConfig::load(&settings, robot)?;

@@ -179,12 +179,17 @@ fn print(check: &RobotCheck) -> Result<()> {
     });
     output::data(format_args!("\n{}", output::table(["pose", "touching"], &[], rows)))?;
     let percent = |share: f64| format!("{:.1} %", 100.0 * share);
+    let row = |what: &str, shares: [f64; 3]| {
+        let [down, leaning, dead] = shares.map(percent);
+        [what.to_owned(), down, leaning, dead]
+    };
+    let [table, bin] = check.out_of_reach;
     let rows = [
-        ["grasps over the region".into(), percent(check.grasps_straight_down), percent(check.grasps)],
-        ["places over the bin".into(), percent(check.places_straight_down), percent(check.places)],
+        row("grasps over the region", [check.grasps_straight_down, check.grasps, table]),
+        row("places over the bin", [check.places_straight_down, check.places, bin]),
     ];
-    let header = ["within reach", "straight down", "or leaning"];
-    output::data(format_args!("{}", output::table(header, &[1, 2], rows)))?;
+    let header = ["within reach", "straight down", "or leaning", "points without"];
+    output::data(format_args!("{}", output::table(header, &[1, 2, 3], rows)))?;
     let rows = check.objects.iter().map(|object| [object.name.clone(), object.grasps.to_string()]);
     output::data(format_args!("{}", output::table(["object", "grasps"], &[1], rows)))?;
     match check.problems.as_slice() {

@@ -9,8 +9,11 @@ use serde::Serialize;
 
 use crate::setup::Setup;
 
-/// Least share of sampled grasps and places within reach of a robot that fits its cell.
-const LEAST_REACH: f64 = 0.9;
+/// Least share of sampled grasps and places within reach of a robot that fits its cell: of the rest the hand may be too wide for the bin,
+/// whichever robot carries it.
+const LEAST_REACH: f64 = 0.7;
+/// Most of the points that may be out of reach.
+const MOST_DEAD: f64 = 0.02;
 /// Distance of the points that are tried, metres.
 const SPACING_M: f64 = 0.06;
 /// Heights of the pads' middle over the table and over the bin's floor, metres.
@@ -35,8 +38,8 @@ pub struct RobotCheck {
     pub places_straight_down: f64,
     /// See there.
     pub places: f64,
-    /// Share of the region's points where no grasp is.
-    pub out_of_reach: f64,
+    /// Share of the region's points where no grasp is, and of the bin's where no place is.
+    pub out_of_reach: [f64; 2],
     /// The scene's objects, and how many grasps the gripper has of each.
     pub objects: Vec<ObjectCheck>,
     /// What does not fit, each with what to try; empty where all does.
@@ -111,16 +114,19 @@ pub fn check(setup: &Setup) -> Result<RobotCheck> {
             start: cell.start.clone(),
         },
     );
-    let ReachScore { top, any_tilt, place_top, place_any, dead_cells } = reach;
-    for (what, share, field) in
-        [("grasps over the objects' region", any_tilt, "objects"), ("places over the bin", place_any, "bin")]
-    {
-        if share < LEAST_REACH {
+    let ReachScore { top, any_tilt, place_top, place_any, dead_cells, dead_place_cells } = reach;
+    for (what, share, dead, field) in [
+        ("grasps over the objects' region", any_tilt, dead_cells, "objects"),
+        ("places over the bin", place_any, dead_place_cells, "bin"),
+    ] {
+        if share < LEAST_REACH || dead > MOST_DEAD {
             problems.push(format!(
-                "reach: {:.0} % of {what} are within reach, of at least {:.0} %; move robot.base, robot.base_height or {field}.center of the \
-                 scene, or choose another start_pose",
+                "reach: {:.0} % of {what} are within reach, of at least {:.0} %, and at {:.0} % of the points there is none, of at most \
+                 {:.0} %; move robot.base, robot.base_height or {field}.center of the scene, or choose another start_pose",
                 100.0 * share,
-                100.0 * LEAST_REACH
+                100.0 * LEAST_REACH,
+                100.0 * dead,
+                100.0 * MOST_DEAD
             ));
         }
     }
@@ -144,7 +150,7 @@ pub fn check(setup: &Setup) -> Result<RobotCheck> {
         grasps: any_tilt,
         places_straight_down: place_top,
         places: place_any,
-        out_of_reach: dead_cells,
+        out_of_reach: [dead_cells, dead_place_cells],
         objects,
         problems,
     })

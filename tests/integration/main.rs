@@ -19,5 +19,6 @@ mod metrics;
 mod pack;
 mod plan;
 mod renderers;
+mod robots;
 mod scenes;
 mod schemas;

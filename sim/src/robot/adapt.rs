@@ -50,9 +50,7 @@ impl RobotModel {
 
     /// The file of a `package://` name, looked up as for meshes, or of one relative to `folder`.
     pub(super) fn locate(&self, name: &str, folder: &Path) -> Result<PathBuf> {
-        let environment = std::env::var_os(ROS_PACKAGE_PATH);
-        let of_urdf = Resolver::new(&self.source, &self.package_paths, environment);
-        if name.contains("://") { of_urdf.resolve(name) } else { Ok(files::named(folder, name)) }
+        located(name, folder, &self.source, &self.package_paths)
     }
 
     /// Fixes another URDF to a link.
@@ -227,6 +225,28 @@ impl RobotModel {
                 shape
             }));
         }
+    }
+}
+
+/// The file of a `package://` name, looked up as for the meshes of `urdf`, or of one relative to `folder`.
+fn located(name: &str, folder: &Path, urdf: &Path, package_paths: &[PathBuf]) -> Result<PathBuf> {
+    let environment = std::env::var_os(ROS_PACKAGE_PATH);
+    if name.contains("://") {
+        Resolver::new(urdf, package_paths, environment).resolve(name)
+    } else {
+        Ok(files::named(folder, name))
+    }
+}
+
+/// The URDF that a file in `folder` names: relative to it, or `package://`, which is looked up as [`RobotModel::load`] does for meshes.
+///
+/// # Errors
+/// When the package is not found; says where it was looked for.
+pub fn find_urdf(name: &Path, folder: &Path, package_paths: &[PathBuf]) -> crate::error::Result<PathBuf> {
+    match name.to_str().filter(|name| name.contains("://")) {
+        Some(package) => located(package, folder, &folder.join("scene.urdf"), package_paths)
+            .map_err(|message| Error::invalid(folder, format!("robot.urdf: {message} (--package-path)"))),
+        None => Ok(folder.join(name)),
     }
 }
 

@@ -58,6 +58,7 @@ use std::sync::Arc;
 
 use nalgebra::{Isometry3, Matrix3, Point3, Unit, Vector3};
 
+pub use adapt::find_urdf;
 pub use config::{CameraConfig, GripperConfig, HeadConfig, NamedPose, PlanningLimits, RobotConfig};
 pub use config_file::RobotConfigFile;
 pub use ik::{IkOutcome, IkRequest};

@@ -74,7 +74,7 @@ pub struct Scene {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct RobotPlacement {
-    /// URDF file, relative to the scene file.
+    /// URDF file, relative to the scene file, or `package://`, which is looked up in `--package-path`.
     #[serde(serialize_with = "files::shown")]
     pub urdf: PathBuf,
     /// Robot settings (groups, poses, limits), relative to the scene file.

@@ -6,6 +6,7 @@ mod ik;
 mod k_chain;
 mod lanes;
 mod loading;
+mod others;
 
 use std::path::{Path, PathBuf};
 use std::sync::LazyLock;
