@@ -3,13 +3,13 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use anyhow::{Context, Result, ensure};
+use anyhow::{Context, Result, bail, ensure};
 use grip_manip::{BeliefScene, BinGeometry};
 use grip_perception::Workspace;
 use grip_sim::pose::{Camera, Pose, World};
-use grip_sim::robot::{RobotConfig, RobotModel};
+use grip_sim::robot::{RobotConfig, RobotModel, find_urdf};
 use grip_sim::scene::Scene;
-use nalgebra::Point3;
+use nalgebra::{Isometry3, Point3};
 
 /// Depth smears the bin's edges by about this much, metres.
 const SMEAR_M: f64 = 0.01;
@@ -27,42 +27,94 @@ pub struct Cell {
     pub robot: Arc<RobotModel>,
     /// What the URDF does not say.
     pub config: Arc<RobotConfig>,
+    /// The file of that.
+    pub settings: PathBuf,
+    mount: Mount,
     /// Start configuration: the scene's pose and torso, the head looking at the scene's point.
     pub start: Vec<f64>,
     /// The folder of the scene file, where conditions and objects may lie.
     pub folder: PathBuf,
 }
 
+/// Where the camera is that the robot sees by.
+#[derive(Debug, Clone)]
+enum Mount {
+    /// Fixed in the room.
+    Room(Pose<World, Camera>),
+    /// On a link of the robot, by its index, at this place in it.
+    Link(usize, Isometry3<f64>),
+}
+
+impl Mount {
+    fn new(scene: &Scene, robot: &RobotModel, config: &RobotConfig) -> Result<Self> {
+        if let Some(place) = &scene.camera.place {
+            if let Some(pose) = place.in_room() {
+                return Ok(Self::Room(pose));
+            }
+            if let Some((link, pose)) = place.on_robot() {
+                return Ok(Self::Link(robot.link_index(link).context("camera.place.link")?, pose));
+            }
+        }
+        let camera = config.camera.as_ref().with_context(|| {
+            format!(
+                "camera.place: is missing, and robot {} has no camera: its settings have no [camera]; say where a camera is, in the room \
+                 (place = {{ eye = [x, y, z], target = [x, y, z] }}) or on a link (place = {{ link = \"NAME\", xyz = [..], rpy = [..] }})",
+                robot.name()
+            )
+        })?;
+        Ok(Self::Link(camera.optical_link, Isometry3::identity()))
+    }
+}
+
 impl Cell {
-    /// Reads a scene file and the robot that it names, or the one at `urdf`.
+    /// Reads a scene file and the robot that it names, or the one at `urdf`, with the settings at `config`.
     ///
     /// # Errors
     /// When a file is missing or wrong; names file, field, value and what to try.
-    pub fn load(scene_file: &Path, urdf: Option<&Path>, package_path: &[PathBuf]) -> Result<Self> {
+    pub fn load(
+        scene_file: &Path,
+        urdf: Option<&Path>,
+        config: Option<&Path>,
+        package_path: &[PathBuf],
+    ) -> Result<Self> {
         let scene = Scene::load(scene_file)?;
         let folder = scene_file.parent().unwrap_or(Path::new("."));
-        let urdf = urdf.map_or_else(|| folder.join(&scene.robot.urdf), Path::to_path_buf);
-        let robot = Arc::new(RobotModel::load(&urdf, package_path)?);
-        let config = Arc::new(RobotConfig::load(&folder.join(&scene.robot.config), &robot)?);
-        let start =
-            start_configuration(&scene, &robot, &config, &scene.robot.look_at.into(), scene.robot.torso)
-                .with_context(|| format!("{}: [robot]", scene_file.display()))?;
-        Ok(Self { scene, robot, config, start, folder: folder.to_path_buf() })
+        let urdf = match urdf {
+            Some(urdf) => urdf.to_path_buf(),
+            None => find_urdf(&scene.robot.urdf, folder, package_path)
+                .with_context(|| scene_file.display().to_string())?,
+        };
+        let settings = config.map_or_else(|| folder.join(&scene.robot.config), Path::to_path_buf);
+        let robot = RobotModel::load(&urdf, package_path)?;
+        let (robot, config) = RobotConfig::load(&settings, robot)?;
+        let at = || scene_file.display().to_string();
+        let mount = Mount::new(&scene, &robot, &config).with_context(at)?;
+        let start = start_configuration(&scene, &robot, &config, scene.robot.torso, None)
+            .with_context(|| format!("{}: [robot]", scene_file.display()))?;
+        let (robot, config) = (Arc::new(robot), Arc::new(config));
+        Ok(Self { scene, robot, config, settings, mount, start, folder: folder.to_path_buf() })
     }
 
     /// Moves the robot to where it stands in a run with `seed`; its head looks at the same point.
     pub(crate) fn draw(&mut self, seed: u64) {
         self.scene.robot.draw(seed);
-        let target = self.scene.world_from_base().inverse().transform_point(&self.scene.robot.look_at.into());
-        self.start = self.config.look_at(&self.robot, &self.start, &target);
+        if let Some(point) = self.scene.robot.look_at {
+            let target = self.scene.world_from_base().inverse().transform_point(&point.into());
+            self.start = self.config.look_at(&self.robot, &self.start, &target);
+        }
     }
 
-    /// The start configuration with the torso `torso` metres above its lower stop, the head looking at a point of the world.
+    /// The start configuration with the torso `torso` metres above its lower stop, the head looking at a point of the world; `None`
+    /// where that is no other view: for a camera in the room, and for a robot without a torso or a head.
     ///
     /// # Errors
     /// When that is outside of the torso's limits.
-    pub fn looking_at(&self, point: &Point3<f64>, torso: f64) -> Result<Vec<f64>> {
-        start_configuration(&self.scene, &self.robot, &self.config, point, torso)
+    pub fn looking_at(&self, point: &Point3<f64>, torso: f64) -> Result<Option<Vec<f64>>> {
+        let moves = matches!(self.mount, Mount::Link(..));
+        if !moves || self.config.torso().is_none() || self.config.head.is_none() {
+            return Ok(None);
+        }
+        start_configuration(&self.scene, &self.robot, &self.config, Some(torso), Some(point)).map(Some)
     }
 
     /// What the robot knows before it looks: table, bin and where it stands. No objects.
@@ -117,35 +169,56 @@ impl Cell {
         }
     }
 
-    /// The head camera's pose by forward kinematics, with the joints at `q`.
+    /// The camera's pose by forward kinematics, with the joints at `q`.
     pub fn world_from_camera(&self, q: &[f64]) -> Pose<World, Camera> {
-        let base_from_camera = self.robot.fk_link(q, self.config.camera.optical_link);
-        Pose::new(self.scene.world_from_base().iso() * base_from_camera)
+        match &self.mount {
+            Mount::Room(pose) => *pose,
+            Mount::Link(link, link_from_camera) => {
+                let base_from_camera = self.robot.fk_link(q, *link) * link_from_camera;
+                Pose::new(self.scene.world_from_base().iso() * base_from_camera)
+            }
+        }
     }
 }
 
+/// The scene's start pose, the torso `height` metres above its lower stop, the head looking at a point of the world: the scene's where
+/// none is given.
 fn start_configuration(
     scene: &Scene,
     robot: &RobotModel,
     config: &RobotConfig,
-    look_at: &Point3<f64>,
-    height: f64,
+    height: Option<f64>,
+    point: Option<&Point3<f64>>,
 ) -> Result<Vec<f64>> {
     let mut q = config.configuration(robot, &scene.robot.start_pose)?;
-    if let Some(torso) = config.arm_with_torso.iter().find(|joint| !config.arm.contains(joint)) {
-        let limits = robot.joints()[*torso].limits;
-        ensure!(
-            limits.contains(height),
-            "torso = {height}: outside the limits of {} ({} to {} m)",
-            robot.joints()[*torso].name,
-            limits.lower,
-            limits.upper
-        );
-        q[*torso] = height;
+    match (config.torso(), height) {
+        (Some(torso), Some(height)) => {
+            let joint = &robot.joints()[torso];
+            let limits = joint.limits;
+            ensure!(
+                limits.contains(height),
+                "torso = {height}: outside the limits of {} ({} to {} m)",
+                joint.name,
+                limits.lower,
+                limits.upper
+            );
+            q[torso] = height;
+        }
+        (Some(torso), None) => {
+            bail!("torso: is missing; give the height of {}, metres", robot.joints()[torso].name)
+        }
+        (None, Some(height)) => bail!("torso = {height}: robot {} has no torso; leave it out", robot.name()),
+        (None, None) => {}
     }
     for finger in config.gripper.fingers {
         q[finger] = config.gripper.opening / 2.0;
     }
-    let target = scene.world_from_base().inverse().transform_point(look_at);
+    let point = match (config.head, point.copied().or(scene.robot.look_at.map(Point3::from))) {
+        (Some(_), None) => bail!("look_at: is missing; give the point that the head looks at, metres"),
+        (None, Some(_)) => bail!("look_at: robot {} has no head; leave it out", robot.name()),
+        (Some(_), Some(point)) => point,
+        (None, None) => return Ok(q),
+    };
+    let target = scene.world_from_base().inverse().transform_point(&point);
     Ok(config.look_at(robot, &q, &target))
 }

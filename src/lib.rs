@@ -35,6 +35,7 @@
 //! | [`experiment`] | many trials, sweeps of pose errors, statistics, reports |
 //! | [`dataset`] | data sets in BOP's format, made |
 //! | [`benchmark`] | poses of any BOP data set, estimated and measured |
+//! | [`robot`] | whether a robot fits its cell, and how it looks |
 //! | [`explain`], [`plot`], [`pictures`] | pictures and figures |
 //! | [`run_dir`], [`workers`], [`progress`], [`assets`] | folders that exist whole or not at all, threads, progress, files that ship with the program |
 //!
@@ -60,6 +61,7 @@ pub mod object_report;
 pub mod pictures;
 pub mod plot;
 pub mod progress;
+pub mod robot;
 pub mod run_dir;
 pub mod scenario;
 pub mod score;

@@ -87,6 +87,9 @@ pub struct RobotEntry<'a> {
     #[serde(serialize_with = "grip_sim::files::shown")]
     path: &'a Path,
     sha256: String,
+    /// The file of what the URDF does not say, and SHA-256 of what it says.
+    #[serde(serialize_with = "grip_sim::files::shown")]
+    config: &'a Path,
     config_sha256: String,
 }
 
@@ -142,6 +145,7 @@ impl Scenario {
         for file in ["robot", "grasps", "estimator"] {
             if let Some(entry) = value.get_mut(file).and_then(Value::as_object_mut) {
                 entry.remove("path");
+                entry.remove("config");
             }
         }
         if let Some(robot) = value.pointer_mut("/scene/robot").and_then(Value::as_object_mut) {
@@ -180,6 +184,7 @@ pub fn robot(setup: &Setup) -> RobotEntry<'_> {
         name: setup.cell.robot.name(),
         path: setup.cell.robot.source(),
         sha256: robot_digest(&setup.cell.robot),
+        config: &setup.cell.settings,
         config_sha256: format!("{:x}", Sha256::digest(format!("{:?}", setup.cell.config))),
     }
 }

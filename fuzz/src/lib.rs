@@ -176,8 +176,7 @@ fn bop(folder: &Path, _: &Path) -> Outcome {
 
 static FETCH: LazyLock<(RobotModel, RobotConfig)> = LazyLock::new(|| {
     let robot = RobotModel::load(&files::builtin_path("robots/fetch/fetch.urdf"), &[]).unwrap();
-    let config = RobotConfig::load(&files::builtin_path("robots/fetch/fetch.toml"), &robot).unwrap();
-    (robot, config)
+    RobotConfig::load(&files::builtin_path("robots/fetch/fetch.toml"), robot).unwrap()
 });
 
 /// A problem, both of whose files can be read.
@@ -204,7 +203,7 @@ fn toml(_: &Path, file: &Path) -> Outcome {
     match file.file_stem().and_then(|stem| stem.to_str()) {
         Some("scene") => outcome(Scene::load(file)),
         Some("condition") => outcome(ConditionSpec::load(file)),
-        Some("robot") => outcome(RobotConfig::load(file, &FETCH.0)),
+        Some("robot") => outcome(RobotConfig::load(file, FETCH.0.clone())),
         Some("objects") => outcome(table::load(file)),
         _ => outcome(Settings::load(file)),
     }

@@ -36,8 +36,9 @@ fn scene(table_height: f64, bin_xy: [f64; 2], bin_yaw: f64) -> BeliefScene {
 
 fn main() -> Result<(), Box<dyn Error>> {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../robots/fetch");
-    let model = Arc::new(RobotModel::load(&root.join("fetch.urdf"), &[])?);
-    let config = RobotConfig::load(&root.join("fetch.toml"), &model)?;
+    let model = RobotModel::load(&root.join("fetch.urdf"), &[])?;
+    let (model, config) = RobotConfig::load(&root.join("fetch.toml"), model)?;
+    let model = Arc::new(model);
     let solver = IkSolver::new(Arc::new(RobotSolids::new(model.clone(), &config)), &config);
     let params = ReachParams {
         region: [[0.45, -0.13], [0.75, 0.29]],
@@ -47,6 +48,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         tilts: [0.0_f64, 20.0, 40.0].map(f64::to_radians).to_vec(),
         headings: 6,
         lift: 0.2,
+        opening: config.gripper.opening,
         start: config.configuration(&model, "ready")?,
     };
 

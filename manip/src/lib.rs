@@ -17,8 +17,9 @@
 //! # use std::{path::Path, sync::Arc};
 //! # fn main() -> Result<(), Box<dyn std::error::Error>> {
 //! # let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
-//! # let robot = Arc::new(RobotModel::load(&root.join("robots/fetch/fetch.urdf"), &[])?);
-//! # let config = Arc::new(RobotConfig::load(&root.join("robots/fetch/fetch.toml"), &robot)?);
+//! # let robot = RobotModel::load(&root.join("robots/fetch/fetch.urdf"), &[])?;
+//! # let (robot, config) = RobotConfig::load(&root.join("robots/fetch/fetch.toml"), robot)?;
+//! # let (robot, config) = (Arc::new(robot), Arc::new(config));
 //! # let library = ObjectLibrary::open(&root.join("scenes/objects.toml"), ObjectSet::BuiltIn)?;
 //! # let soup = library.load("005_tomato_soup_can")?;
 //! # let table = CollisionShape {

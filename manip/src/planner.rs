@@ -120,9 +120,9 @@ impl Planner {
     }
 
     /// Points the head from how it stands in `q_now` to how it stands in `q_goal`; `None` where that is the same. Nothing is
-    /// near enough to a head for it to be planned.
+    /// near enough to a head for it to be planned. `None` without a head, too.
     pub fn plan_head(&self, q_now: &[f64], q_goal: &[f64]) -> Option<Trajectory> {
-        let head = [self.config.head.pan, self.config.head.tilt];
+        let head = self.config.head.map(|head| [head.pan, head.tilt])?;
         let [from, to] = [q_now, q_goal].map(|q| head.map(|joint| q[joint]).to_vec());
         if from.iter().zip(&to).all(|(a, b)| (a - b).abs() < 5e-3) {
             return None;

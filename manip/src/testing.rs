@@ -33,8 +33,9 @@ fn grocery(model: Arc<ObjectModel>) -> Arc<ObjectModel> {
 /// The Fetch of this repository.
 pub(crate) fn fetch() -> (Arc<RobotModel>, Arc<RobotConfig>) {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../robots/fetch");
-    let model = Arc::new(RobotModel::load(&root.join("fetch.urdf"), &[]).unwrap());
-    let config = Arc::new(RobotConfig::load(&root.join("fetch.toml"), &model).unwrap());
+    let model = RobotModel::load(&root.join("fetch.urdf"), &[]).unwrap();
+    let (model, config) = RobotConfig::load(&root.join("fetch.toml"), model).unwrap();
+    let (model, config) = (Arc::new(model), Arc::new(config));
     (model, config)
 }
 

@@ -205,6 +205,7 @@ impl TrialsArgs {
                 tables: self.tables.tables.clone(),
                 intrinsics: self.intrinsics,
                 robot: self.robot.robot.clone(),
+                robot_config: self.robot.robot_config.clone(),
                 package_path: self.robot.package_path.clone(),
                 settings: Arc::new(settings),
                 ..SetupOptions::default()
@@ -250,6 +251,7 @@ impl SweepArgs {
                 ycb: self.ycb.clone(),
                 tables: self.tables.tables.clone(),
                 robot: self.robot.robot.clone(),
+                robot_config: self.robot.robot_config.clone(),
                 package_path: self.robot.package_path.clone(),
                 settings: Arc::new(self.settings.load().context("settings of the sweep")?),
                 ..SetupOptions::default()

@@ -100,6 +100,9 @@ pub struct SceneArgs {
     /// Another URDF of the robot, such as the upstream Fetch's.
     #[arg(long, value_name = "URDF")]
     pub robot: Option<PathBuf>,
+    /// Another file of what the URDF does not say: groups, poses, limits, gripper (robots/README.md).
+    #[arg(long, value_name = "FILE")]
+    pub robot_config: Option<PathBuf>,
     /// Where `package://` meshes are looked up; may be given more than once.
     #[arg(long, value_name = "DIR")]
     pub package_path: Vec<PathBuf>,
@@ -119,6 +122,7 @@ impl SceneArgs {
             tables: self.tables.tables.iter().filter(|path| is_table(path)).cloned().collect(),
             intrinsics: self.intrinsics,
             robot: self.robot.clone(),
+            robot_config: self.robot_config.clone(),
             package_path: self.package_path.clone(),
             settings: Arc::new(self.settings.load()?),
         })
@@ -197,16 +201,20 @@ pub struct RobotFile {
     /// URDF [default: the scene's; robots/fetch/fetch.urdf where there is none].
     #[arg(long, value_name = "URDF")]
     pub robot: Option<PathBuf>,
+    /// What the URDF does not say: groups, poses, limits, gripper (robots/README.md) [default: the scene's;
+    /// robots/fetch/fetch.toml where there is none].
+    #[arg(long, value_name = "FILE")]
+    pub robot_config: Option<PathBuf>,
     /// Where `package://` meshes are looked up; may be given more than once.
     #[arg(long, value_name = "DIR")]
     pub package_path: Vec<PathBuf>,
 }
 
 impl RobotFile {
-    /// The URDF's path, the robot in it, and the project's settings of it.
+    /// The URDF's path, the robot in it, and its settings.
     pub fn load(&self) -> Result<(PathBuf, RobotModel, RobotConfig)> {
         let (urdf, robot) = self.model()?;
-        let config = Self::config(&urdf, &robot)?;
+        let (robot, config) = self.configured(&urdf, robot)?;
         Ok((urdf, robot, config))
     }
 
@@ -217,10 +225,17 @@ impl RobotFile {
         Ok((urdf, robot))
     }
 
-    /// The project's settings of a robot, if it is a Fetch.
-    pub fn config(urdf: &Path, robot: &RobotModel) -> Result<RobotConfig> {
-        RobotConfig::load(&grip::assets::find("robots/fetch/fetch.toml"), robot)
-            .with_context(|| format!("{}: does not fit the Fetch's settings", urdf.display()))
+    /// A robot with its settings, which are the Fetch's where none are named.
+    pub fn configured(&self, urdf: &Path, robot: RobotModel) -> Result<(RobotModel, RobotConfig)> {
+        let Some(config) = &self.robot_config else {
+            return RobotConfig::load(&grip::assets::find("robots/fetch/fetch.toml"), robot).with_context(|| {
+                format!(
+                    "{}: does not fit the Fetch's settings; give its own by --robot-config (robots/README.md)",
+                    urdf.display()
+                )
+            });
+        };
+        Ok(RobotConfig::load(config, robot)?)
     }
 }
 
@@ -310,6 +325,22 @@ pub struct InitArgs {
 pub struct RobotArgs {
     #[command(flatten)]
     pub robot: RobotFile,
+    /// Check the robot in a scene: named poses for collisions, and the share of grasps and places that it reaches; ends with 1 where
+    /// something does not fit.
+    #[arg(long)]
+    pub check: bool,
+    /// Draw its named poses, from the front and from the side, in a scene: PNG.
+    #[arg(long, value_name = "FILE")]
+    pub draw: Option<PathBuf>,
+    /// The scene for `--check` and `--draw` [default: scenes/grocery.toml].
+    #[arg(long, value_name = "SCENE")]
+    pub scene: Option<PathBuf>,
+    /// Print `[self_collision]` with the pairs of links that may touch, found by sampling, and nothing else.
+    #[arg(long, conflicts_with_all = ["check", "draw", "json"])]
+    pub find_allowed: bool,
+    /// Write a first file for `--robot-config`, guessed from the URDF, to be checked by a person; none may be there.
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["check", "draw", "json", "find_allowed", "robot_config"])]
+    pub write_config: Option<PathBuf>,
     /// Print JSON.
     #[arg(long)]
     pub json: bool,

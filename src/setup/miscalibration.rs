@@ -56,7 +56,8 @@ impl Miscalibration {
         let config = &cell.config;
         let turning = |joint: &usize| cell.robot.joints()[*joint].kind != JointKind::Prismatic;
         let mut joints = vec![0.0; cell.robot.joints().len()];
-        for &joint in config.arm.iter().chain([&config.head.pan, &config.head.tilt]).filter(|j| turning(j)) {
+        let head = config.head.iter().flat_map(|head| [&head.pan, &head.tilt]);
+        for &joint in config.arm.iter().chain(head).filter(|j| turning(j)) {
             joints[joint] = error.joints.draw(&mut random);
         }
         if joints.iter().all(|offset| *offset == 0.0) {

@@ -18,6 +18,7 @@ use grip_sim::objects::{ObjectLibrary, ObjectModel, resolve_set};
 use grip_sim::pose::{Camera, Pose, World as WorldFrame};
 use grip_sim::render::{Lighting, Renderer, Rendering};
 use grip_sim::rng;
+use grip_sim::scene::IntrinsicsChoice;
 use rayon::prelude::*;
 
 pub use self::camera::HeadCamera;
@@ -49,6 +50,8 @@ pub struct SetupOptions {
     pub intrinsics: Option<Intrinsics>,
     /// Another URDF of the robot than the scene's.
     pub robot: Option<PathBuf>,
+    /// Other settings of the robot than the scene's.
+    pub robot_config: Option<PathBuf>,
     /// Where `package://` meshes are looked up.
     pub package_path: Vec<PathBuf>,
     /// Settings of everything.
@@ -65,6 +68,7 @@ impl Default for SetupOptions {
             tables: Vec::new(),
             intrinsics: None,
             robot: None,
+            robot_config: None,
             package_path: Vec::new(),
             settings: Arc::default(),
         }
@@ -111,7 +115,8 @@ impl Setup {
     /// As [`Setup::load`].
     pub fn open(options: &SetupOptions) -> Result<Self> {
         let SetupOptions { scene: path, seed, settings, .. } = options;
-        let cell = Cell::load(path, options.robot.as_deref(), &options.package_path)?;
+        let [urdf, config] = [&options.robot, &options.robot_config].map(Option::as_deref);
+        let cell = Cell::load(path, urdf, config, &options.package_path)?;
         let condition = load_condition(&cell.folder, &options.condition)?;
         let of_scene = cell.scene.objects.tables.iter().map(|table| cell.folder.join(table));
         let tables: Vec<PathBuf> = of_scene.chain(options.tables.iter().cloned()).collect();
@@ -123,11 +128,14 @@ impl Setup {
             .par_iter()
             .map(|name| library.load(name).with_context(|| format!("{}: objects.names", path.display())))
             .collect::<Result<Vec<_>>>()?;
-        let name = cell.scene.camera.intrinsics.as_deref();
-        let intrinsics = match (options.intrinsics, name.filter(|name| Intrinsics::is_file(name))) {
+        let intrinsics = match (options.intrinsics, &cell.scene.camera.intrinsics) {
             (Some(given), _) => Ok(given),
-            (None, Some(file)) => Intrinsics::load(&cell.folder.join(file)),
-            (None, None) => cell.config.intrinsics(&cell.robot, name),
+            (None, Some(IntrinsicsChoice::Numbers(given))) => Ok(*given),
+            (None, Some(IntrinsicsChoice::Named(file))) if Intrinsics::is_file(file) => {
+                Intrinsics::load(&cell.folder.join(file))
+            }
+            (None, Some(IntrinsicsChoice::Named(name))) => cell.config.intrinsics(&cell.robot, Some(name)),
+            (None, None) => cell.config.intrinsics(&cell.robot, None),
         };
         let intrinsics = intrinsics.with_context(|| format!("{}: camera.intrinsics", path.display()))?;
         let camera = HeadCamera::new(&cell.scene, intrinsics, &settings.sensor, *seed)

@@ -82,7 +82,7 @@ impl Trial<'_> {
     /// Lowers the torso and looks at a point; false where there is no way, and then the robot stays.
     fn goes_to_second_view(&mut self, seen: &Seen, point: &Point3<f64>) -> bool {
         let torso = self.setup.settings.trial.second_look_torso_m;
-        let Ok(goal) = self.setup.cell.looking_at(point, torso) else { return false };
+        let Ok(Some(goal)) = self.setup.cell.looking_at(point, torso) else { return false };
         let belief = self.believe(seen);
         self.moves(&belief, &goal, "second view")
     }

@@ -78,7 +78,7 @@ fn in_doubt_the_robot_looks_from_elsewhere_and_forgets_nothing() {
     let seen = trial.look().unwrap();
     let [first, second] = trial.cameras[..] else { panic!("{} looks", trial.cameras.len()) };
     let lowered = first.translation().z - second.translation().z;
-    let wanted = setup.cell.scene.robot.torso - setup.settings.trial.second_look_torso_m;
+    let wanted = setup.cell.scene.robot.torso.unwrap() - setup.settings.trial.second_look_torso_m;
     // Tilting the head moves the camera, too.
     assert!((lowered - wanted).abs() < 0.03, "{lowered} {wanted}");
     let can = setup.models.iter().position(|model| model.info.name == "010_potted_meat_can").unwrap();

@@ -21,5 +21,6 @@ mod objects;
 mod pack;
 mod plan;
 mod renderers;
+mod robots;
 mod scenes;
 mod schemas;

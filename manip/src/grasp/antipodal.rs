@@ -76,6 +76,7 @@ pub fn antipodal_grasps<H>(
 where
     H: Fn(&Isometry3<f64>, f64) -> bool,
 {
+    let settings = &fitted(settings, gripper);
     let cone = friction_cone(model, settings);
     let pairs = spread_out(&contact_pairs(model, surface, settings, cone), settings.pairs);
     pairs
@@ -83,6 +84,21 @@ where
         .map_init(hand, |fits, pair| held_about(pair, surface, gripper, settings, cone, fits))
         .flatten_iter()
         .collect()
+}
+
+/// Least air between the open pads and the widest object, both sides together, metres.
+const LEAST_ROOM: f64 = 0.006;
+/// Half of the length of the pads that the depths of grasps are meant for, metres.
+const PAD_HALF_LENGTH: f64 = 0.030;
+
+/// The settings for a gripper that opens less, or has shorter pads, than those that they are meant for.
+fn fitted(settings: &AntipodalSettings, gripper: &GripperConfig) -> AntipodalSettings {
+    let shorter = (gripper.pad_half_extents.x / PAD_HALF_LENGTH).min(1.0);
+    AntipodalSettings {
+        max_width: settings.max_width.min(gripper.opening - LEAST_ROOM),
+        depths: settings.depths.iter().map(|depth| depth * shorter).collect(),
+        ..settings.clone()
+    }
 }
 
 /// Whether the hand fits at a pose and on the way in.

@@ -54,9 +54,9 @@ impl IkSolver {
             let group = space.sample(&mut rng);
             solver.scatter(&group, &mut q);
             let base_from_gripper = solver.robot.model.fk_link(&q, solver.robot.gripper);
-            let t = base_from_gripper.translation.vector;
-            // Where hands work: in front of the base, from knee to head height.
-            if t.x > 0.25 && t.z > 0.35 && t.z < 1.5 {
+            let at = base_from_gripper.translation.vector;
+            let within = |[low, high]: [[f64; 3]; 2]| (0..3).all(|i| low[i] < at[i] && at[i] < high[i]);
+            if config.workspace.is_none_or(within) {
                 solver.table.push(Entry { base_from_gripper, group });
             }
         }

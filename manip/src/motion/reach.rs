@@ -27,6 +27,8 @@ pub struct ReachParams {
     pub headings: usize,
     /// Straight lift after a grasp and before a place, metres.
     pub lift: f64,
+    /// Distance of the open pads, metres.
+    pub opening: f64,
     /// Whole configuration to start from.
     pub start: Vec<f64>,
 }
@@ -44,6 +46,8 @@ pub struct ReachScore {
     pub place_any: f64,
     /// Grid cells of the region without any grasp.
     pub dead_cells: f64,
+    /// Grid cells of the bin without any place.
+    pub dead_place_cells: f64,
 }
 
 /// The gripper pointing down, leaning by `tilt` towards the robot (which looks along `forward`), its closing axis
@@ -104,8 +108,8 @@ pub fn reach_score(solver: &IkSolver, template: &BeliefScene, params: &ReachPara
         .map(|[x, y]| (empty.bin.world_from_bin.iso() * nalgebra::Point3::new(x, y, 0.0)).coords)
         .collect();
     let (top, any_tilt, dead_cells) = survey(&on_table, &params.grasp_heights);
-    let (place_top, place_any, _) = survey(&in_bin, &params.place_heights);
-    ReachScore { top, any_tilt, place_top, place_any, dead_cells }
+    let (place_top, place_any, dead_place_cells) = survey(&in_bin, &params.place_heights);
+    ReachScore { top, any_tilt, place_top, place_any, dead_cells, dead_place_cells }
 }
 
 fn grid(low: [f64; 2], high: [f64; 2], spacing: f64) -> impl Iterator<Item = [f64; 2]> {
@@ -128,7 +132,7 @@ fn reachable(
         allowed: &[],
         margins: Margins { world: 0.003, own: 0.003, spread: 0.0 },
     };
-    if checker.hand_collision(base_from_gripper, 0.10, &query).is_some() {
+    if checker.hand_collision(base_from_gripper, params.opening, &query).is_some() {
         return false;
     }
     let mut found = false;

@@ -19,8 +19,9 @@ fn main() {
 fn world() -> (World, RobotConfig) {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
     let scene = Scene::load(&root.join("scenes/grocery.toml")).unwrap();
-    let robot = Arc::new(RobotModel::load(&root.join("robots/fetch/fetch.urdf"), &[]).unwrap());
-    let config = RobotConfig::load(&root.join("robots/fetch/fetch.toml"), &robot).unwrap();
+    let robot = RobotModel::load(&root.join("robots/fetch/fetch.urdf"), &[]).unwrap();
+    let (robot, config) = RobotConfig::load(&root.join("robots/fetch/fetch.toml"), robot).unwrap();
+    let robot = Arc::new(robot);
     let library = ObjectLibrary::open(&root.join("scenes/objects.toml"), ObjectSet::BuiltIn).unwrap();
     let mut names = scene.objects.names.clone();
     names.push("007_tuna_fish_can".into());

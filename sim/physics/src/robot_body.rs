@@ -260,6 +260,7 @@ impl RobotBody {
                 &link_poses,
                 finger_joints[side],
                 side,
+                config.limits[finger_joints[side]].velocity,
                 &settings.fingers,
             )
         });
@@ -510,6 +511,7 @@ fn insert_finger(
     link_poses: &[Isometry3<f64>],
     joint: usize,
     side: usize,
+    speed: f64,
     settings: &FingerSettings,
 ) -> Result<Finger> {
     let data = &model.joints()[joint];
@@ -543,7 +545,7 @@ fn insert_finger(
     }
     let axis = data.origin.rotation * data.axis.into_inner();
     let local_axis2 = data.axis.into_inner();
-    let drive = GenericJointBuilder::new(JointAxesMask::LOCKED_PRISMATIC_AXES)
+    let mut drive = GenericJointBuilder::new(JointAxesMask::LOCKED_PRISMATIC_AXES)
         .local_axis1(convert::vector(&axis))
         .local_axis2(convert::vector(&local_axis2))
         .local_anchor1(convert::vector(&data.origin.translation.vector))
@@ -552,6 +554,11 @@ fn insert_finger(
         .motor_model(JointAxis::LinX, MotorModel::ForceBased)
         .contacts_enabled(false)
         .build();
+    // The axis alone says not how a finger is turned about it.
+    if data.origin.rotation.angle() > 0.0 {
+        let turned = convert::pose(&data.origin).rotation;
+        drive.local_frame2.rotation = turned.inverse() * drive.local_frame1.rotation;
+    }
     let drive = physics.insert_impulse_joint(gripper_body, body, drive);
     Ok(Finger {
         body,
@@ -561,7 +568,7 @@ fn insert_finger(
         origin: data.origin,
         axis,
         pressing: data.axis.into_inner(),
-        speed: data.limits.velocity,
+        speed,
         upper: data.limits.upper,
         brakes: Vec::new(),
     })

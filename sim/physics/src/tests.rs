@@ -55,7 +55,7 @@ gap = 0.03
 pub(crate) fn robot() -> (Arc<RobotModel>, RobotConfig) {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../robots/fetch");
     let robot = RobotModel::load(&folder.join("fetch.urdf"), &[]).unwrap();
-    let config = RobotConfig::load(&folder.join("fetch.toml"), &robot).unwrap();
+    let (robot, config) = RobotConfig::load(&folder.join("fetch.toml"), robot).unwrap();
     (Arc::new(robot), config)
 }
 

@@ -4,11 +4,10 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
-use nalgebra::Vector3;
-use schemars::JsonSchema;
-use serde::Deserialize;
+use nalgebra::{Point3, Vector3};
 
-use super::{JointKind, RobotModel, list};
+use super::config_file::{CameraFile, GripperFile, HeadFile, LimitsFile, RobotConfigFile, SelfCollisionFile};
+use super::{JointKind, RobotModel, list, pairs, srdf};
 use crate::camera::Intrinsics;
 use crate::error::{Error, Result};
 use crate::files;
@@ -21,7 +20,7 @@ const ROUNDING: f64 = 1e-6;
 pub struct RobotConfig {
     /// The arm's joints, shoulder to wrist, indices into `q`.
     pub arm: Vec<usize>,
-    /// The torso and the arm's joints.
+    /// The torso and the arm's joints; the arm's alone where there is no torso.
     pub arm_with_torso: Vec<usize>,
     /// The finger joints, right then left.
     pub gripper_joints: [usize; 2],
@@ -31,10 +30,12 @@ pub struct RobotConfig {
     pub limits: Vec<PlanningLimits>,
     /// How far a servo gives way under a load, rad/(N m) or m/N, one a joint of `q`.
     pub compliance: Vec<f64>,
-    /// The head camera.
-    pub camera: CameraConfig,
-    /// The head's joints.
-    pub head: HeadConfig,
+    /// Where hands work, in the root link's frame: least and greatest x, y and z, metres.
+    pub workspace: Option<[[f64; 3]; 2]>,
+    /// The camera on the robot.
+    pub camera: Option<CameraConfig>,
+    /// The head's joints; a robot with a head has a camera.
+    pub head: Option<HeadConfig>,
     /// The gripper.
     pub gripper: GripperConfig,
     allowed: Vec<(usize, usize)>,
@@ -56,7 +57,7 @@ pub struct PlanningLimits {
     pub acceleration: f64,
 }
 
-/// The head camera.
+/// The camera on the robot.
 #[derive(Debug, Clone)]
 pub struct CameraConfig {
     /// Link whose frame is the colour camera's optical frame (x right, y down, z forward).
@@ -86,7 +87,7 @@ pub struct GripperConfig {
     pub fingers: [usize; 2],
     /// Links of the fingers, right then left.
     pub finger_links: [usize; 2],
-    /// Half extents of a finger's pad, a box, metres.
+    /// Half extents of a finger's pad, a box, along the gripper's axes, metres.
     pub pad_half_extents: Vector3<f64>,
     /// Centres of the pads in their finger links' frames, right then left, metres.
     pub pad_centers: [Vector3<f64>; 2],
@@ -98,105 +99,21 @@ pub struct GripperConfig {
     pub max_force: f64,
 }
 
-/// The file of a robot's configuration: what a URDF does not say.
-#[derive(Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct RobotConfigFile {
-    groups: GroupsFile,
-    /// Named poses: joints and their positions, radians or metres.
-    poses: BTreeMap<String, BTreeMap<String, f64>>,
-    /// What planning keeps to, by joint; lower than the URDF's.
-    limits: BTreeMap<String, LimitsFile>,
-    /// Stiffness of the servos, by joint, N m/rad or N/m: how far they give way under a load that they do not know of. A joint that is
-    /// not named does not.
-    #[serde(default)]
-    stiffness: BTreeMap<String, f64>,
-    camera: CameraFile,
-    head: HeadFile,
-    gripper: GripperFile,
-    #[serde(default)]
-    self_collision: SelfCollisionFile,
-}
-
-/// Groups of joints.
-#[derive(Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-struct GroupsFile {
-    /// The arm's joints, shoulder to wrist.
-    arm: Vec<String>,
-    /// The torso and the arm's joints.
-    arm_with_torso: Vec<String>,
-    /// The joints of the two fingers.
-    gripper: [String; 2],
-}
-
-/// Limits of a joint in planned motion.
-#[derive(Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-struct LimitsFile {
-    /// Radians or metres a second.
-    velocity: f64,
-    /// Radians or metres a second squared.
-    acceleration: f64,
-}
-
-/// The head camera.
-#[derive(Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-struct CameraFile {
-    /// The link whose z looks out, x right, y down.
-    optical_link: String,
-    /// Name of those used where a scene names none.
-    default_intrinsics: String,
-    /// By name.
-    intrinsics: BTreeMap<String, Intrinsics>,
-}
-
-/// The joints that point the head.
-#[derive(Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-struct HeadFile {
-    pan: String,
-    tilt: String,
-}
-
-/// A gripper of two parallel fingers.
-#[derive(Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-struct GripperFile {
-    /// The link between the fingers: x out along them, y along the closing direction.
-    link: String,
-    /// Half of a pad's extents in the frame of its finger, metres.
-    pad_half_extents: [f64; 3],
-    /// Where the pads are in the frames of their fingers, metres.
-    pad_centers: [[f64; 3]; 2],
-    /// Widest opening between the pads, metres.
-    opening: f64,
-    /// Length of the fingers from the palm's front to the tips, metres.
-    finger_depth: f64,
-    /// Highest closing force of a finger, newtons.
-    max_force: f64,
-}
-
-/// Collisions of the robot with itself that are none.
-#[derive(Deserialize, JsonSchema, Default)]
-#[serde(deny_unknown_fields)]
-struct SelfCollisionFile {
-    /// Pairs of links.
-    allowed: Vec<[String; 2]>,
-}
-
 impl RobotConfig {
-    /// Reads a configuration and checks it against the robot.
+    /// Reads a configuration and checks it against the robot, which is given what the file adds to it: further URDFs, the frame of its
+    /// gripper, narrower limits.
     ///
     /// # Errors
-    /// When the file cannot be read, has an unknown or missing field, names a joint or link that the robot does not
+    /// When a file cannot be read, has an unknown or missing field, names a joint or link that the robot does not
     /// have, a pose is out of limits, or a number makes no sense. The message names file and field.
-    pub fn load(path: &Path, robot: &RobotModel) -> Result<Self> {
+    pub fn load(path: &Path, robot: RobotModel) -> Result<(RobotModel, Self)> {
         let text = files::read_to_string(path)?;
         let file: RobotConfigFile =
             files::from_toml(&text).map_err(|message| Error::invalid(path, message))?;
-        check(file, robot).map_err(|message| Error::invalid(path, message))
+        let folder = path.parent().unwrap_or(Path::new("."));
+        let robot = robot.adapted(&file, folder).map_err(|message| Error::invalid(path, message))?;
+        let config = check(file, &robot, folder).map_err(|message| Error::invalid(path, message))?;
+        Ok((robot, config))
     }
 
     /// A named pose.
@@ -219,16 +136,27 @@ impl RobotConfig {
         Ok(q)
     }
 
-    /// Intrinsics by name; without one, the default.
+    /// The joint that lifts the arm, if there is one.
+    pub fn torso(&self) -> Option<usize> {
+        self.arm_with_torso.iter().copied().find(|joint| !self.arm.contains(joint))
+    }
+
+    /// Intrinsics of the robot's camera by name; without one, the default.
     ///
     /// # Errors
-    /// When there are none of that name; the message lists those there are.
+    /// When the robot has no camera, or none of that name; the message lists those there are.
     pub fn intrinsics(&self, robot: &RobotModel, name: Option<&str>) -> Result<Intrinsics> {
-        let name = name.unwrap_or(&self.camera.default_intrinsics);
-        self.camera.intrinsics.get(name).copied().ok_or_else(|| {
+        let camera = self.camera.as_ref().ok_or_else(|| {
+            robot.error(
+                "no [camera] in its settings; give the scene's [camera] a `calibration` (width, height, fx, fy, cx, cy), or name a \
+                 ROS calibration file (intrinsics = \"NAME.yaml\")",
+            )
+        })?;
+        let name = name.unwrap_or(&camera.default_intrinsics);
+        camera.intrinsics.get(name).copied().ok_or_else(|| {
             robot.error(format!(
                 "no [camera.intrinsics.{name}] in its settings; there are {}",
-                list(self.camera.intrinsics.keys().map(String::as_str))
+                list(camera.intrinsics.keys().map(String::as_str))
             ))
         })
     }
@@ -253,10 +181,13 @@ impl NamedPose {
     }
 }
 
-fn check(file: RobotConfigFile, robot: &RobotModel) -> std::result::Result<RobotConfig, String> {
+fn check(
+    file: RobotConfigFile,
+    robot: &RobotModel,
+    folder: &Path,
+) -> std::result::Result<RobotConfig, String> {
     let joint =
         |field: &str, name: &str| robot.joint_index(name).map_err(|error| format!("{field}: {error}"));
-    let link = |field: &str, name: &str| robot.link_index(name).map_err(|error| format!("{field}: {error}"));
     let group = |field: &str, names: &[String]| -> std::result::Result<Vec<usize>, String> {
         let joints: Vec<usize> =
             names.iter().map(|name| joint(field, name)).collect::<std::result::Result<_, _>>()?;
@@ -266,7 +197,10 @@ fn check(file: RobotConfigFile, robot: &RobotModel) -> std::result::Result<Robot
         Ok(joints)
     };
     let arm = group("groups.arm", &file.groups.arm)?;
-    let arm_with_torso = group("groups.arm_with_torso", &file.groups.arm_with_torso)?;
+    let arm_with_torso = match &file.groups.arm_with_torso {
+        Some(names) => group("groups.arm_with_torso", names)?,
+        None => arm.clone(),
+    };
     let fingers = group("groups.gripper", &file.groups.gripper)?;
     let fingers = [fingers[0], fingers[1]];
 
@@ -285,36 +219,30 @@ fn check(file: RobotConfigFile, robot: &RobotModel) -> std::result::Result<Robot
         }
         compliance[index] = 1.0 / stiffness;
     }
-
-    for (name, intrinsics) in &file.camera.intrinsics {
-        if let Some(problem) = intrinsics.problem() {
-            return Err(format!("camera.intrinsics.{name}: {problem}"));
+    let workspace = match file.workspace {
+        Some(within) if within.min.iter().zip(&within.max).all(|(low, high)| low < high) => {
+            Some([within.min, within.max])
         }
-    }
-    if !file.camera.intrinsics.contains_key(&file.camera.default_intrinsics) {
-        return Err(format!(
-            "camera.default_intrinsics: no camera.intrinsics.{}; there are {}",
-            file.camera.default_intrinsics,
-            list(file.camera.intrinsics.keys().map(String::as_str))
-        ));
-    }
-    let camera = CameraConfig {
-        optical_link: link("camera.optical_link", &file.camera.optical_link)?,
-        intrinsics: file.camera.intrinsics,
-        default_intrinsics: file.camera.default_intrinsics,
+        Some(within) => {
+            return Err(format!("workspace: min {:?} must be below max {:?}", within.min, within.max));
+        }
+        None => None,
     };
-    let head =
-        HeadConfig { pan: joint("head.pan", &file.head.pan)?, tilt: joint("head.tilt", &file.head.tilt)? };
-    let gripper_link = link("gripper.link", &file.gripper.link)?;
-    let gripper = gripper(&file.gripper, robot, gripper_link, fingers)?;
-
-    let mut allowed = robot.adjacent_pairs();
-    for [a, b] in &file.self_collision.allowed {
-        let (a, b) = (link("self_collision.allowed", a)?, link("self_collision.allowed", b)?);
-        allowed.push((a.min(b), a.max(b)));
-    }
-    allowed.sort_unstable();
-    allowed.dedup();
+    let camera = file.camera.map(|camera| check_camera(camera, robot)).transpose()?;
+    let head = match file.head {
+        Some(_) if camera.is_none() => {
+            return Err(
+                "[head] points the robot's camera, but there is no [camera]; add it, or leave [head] out"
+                    .into(),
+            );
+        }
+        Some(HeadFile { pan, tilt }) => {
+            Some(HeadConfig { pan: joint("head.pan", &pan)?, tilt: joint("head.tilt", &tilt)? })
+        }
+        None => None,
+    };
+    let gripper = gripper(&file.gripper, robot, fingers)?;
+    let allowed = allowed_pairs(file.self_collision, robot, folder)?;
     Ok(RobotConfig {
         arm,
         arm_with_torso,
@@ -322,11 +250,71 @@ fn check(file: RobotConfigFile, robot: &RobotModel) -> std::result::Result<Robot
         poses,
         limits,
         compliance,
+        workspace,
         camera,
         head,
         gripper,
         allowed,
     })
+}
+
+fn check_camera(file: CameraFile, robot: &RobotModel) -> std::result::Result<CameraConfig, String> {
+    for (name, intrinsics) in &file.intrinsics {
+        if let Some(problem) = intrinsics.problem() {
+            return Err(format!("camera.intrinsics.{name}: {problem}"));
+        }
+    }
+    if !file.intrinsics.contains_key(&file.default_intrinsics) {
+        return Err(format!(
+            "camera.default_intrinsics: no camera.intrinsics.{}; there are {}",
+            file.default_intrinsics,
+            list(file.intrinsics.keys().map(String::as_str))
+        ));
+    }
+    let optical_link =
+        robot.link_index(&file.optical_link).map_err(|error| format!("camera.optical_link: {error}"))?;
+    Ok(CameraConfig {
+        optical_link,
+        intrinsics: file.intrinsics,
+        default_intrinsics: file.default_intrinsics,
+    })
+}
+
+/// Pairs that may touch: by construction, and those of the file and its SRDF; without any, those that sampling finds.
+fn allowed_pairs(
+    file: Option<SelfCollisionFile>,
+    robot: &RobotModel,
+    folder: &Path,
+) -> std::result::Result<Vec<(usize, usize)>, String> {
+    let mut allowed = robot.adjacent_pairs();
+    match file {
+        Some(SelfCollisionFile { srdf, allowed: named }) => {
+            let link = |name: &str| {
+                robot.link_index(name).map_err(|error| format!("self_collision.allowed: {error}"))
+            };
+            for [a, b] in &named {
+                let (a, b) = (link(a)?, link(b)?);
+                allowed.push((a.min(b), a.max(b)));
+            }
+            if let Some(name) = srdf {
+                let pairs = srdf::disabled_pairs(&name, robot, folder);
+                allowed.extend(pairs.map_err(|message| format!("self_collision.srdf: {message}"))?);
+            }
+        }
+        None => {
+            let found = pairs::sampled(robot);
+            log::info!(
+                "{}: no [self_collision] in its settings; {} pairs of links may touch, by {} samples",
+                robot.name(),
+                found.len(),
+                pairs::SAMPLES
+            );
+            allowed.extend(found.iter().map(|pair| pair.links));
+        }
+    }
+    allowed.sort_unstable();
+    allowed.dedup();
+    Ok(allowed)
 }
 
 fn pose(
@@ -365,7 +353,7 @@ fn planning_limits(
     for (name, values) in file {
         let index = robot.joint_index(name).map_err(|error| format!("limits: {error}"))?;
         let highest = robot.joints()[index].limits.velocity;
-        let LimitsFile { velocity, acceleration } = *values;
+        let LimitsFile { velocity, acceleration, .. } = *values;
         if !(velocity > 0.0 && velocity <= highest + ROUNDING) {
             return Err(format!(
                 "limits.{name}.velocity = {velocity} must be above 0 and not above the URDF's {highest}"
@@ -391,16 +379,16 @@ fn planning_limits(
 fn gripper(
     file: &GripperFile,
     robot: &RobotModel,
-    link: usize,
     fingers: [usize; 2],
 ) -> std::result::Result<GripperConfig, String> {
+    // What the fingers slide on has the gripper's frame: see `adapt`.
+    let link = robot.joints()[fingers[0]].parent;
     for finger in fingers {
         let joint = &robot.joints()[finger];
         if joint.kind != JointKind::Prismatic || joint.parent != link {
             return Err(format!(
                 "groups.gripper: '{}' must be a prismatic joint on gripper.link '{}'",
-                joint.name,
-                robot.links()[link].name
+                joint.name, file.link
             ));
         }
     }
@@ -424,11 +412,12 @@ fn gripper(
             file.max_force
         ));
     }
+    let turned = robot.joints()[fingers[0]].origin.rotation.to_rotation_matrix();
     let gripper = GripperConfig {
         link,
         fingers,
         finger_links: fingers.map(|finger| robot.joints()[finger].child),
-        pad_half_extents: Vector3::from(file.pad_half_extents),
+        pad_half_extents: turned.matrix().abs() * Vector3::from(file.pad_half_extents),
         pad_centers: file.pad_centers.map(Vector3::from),
         opening: file.opening,
         finger_depth: file.finger_depth,
@@ -441,17 +430,35 @@ fn gripper(
             file.opening
         ));
     }
+    let least = gripper.gap(robot, [0.0; 2]);
+    if least.abs() > 1e-3 {
+        return Err(format!(
+            "gripper.pad_centers: with both fingers at zero the pads are {least:.4} m apart, and must meet; check pad_centers and \
+             pad_half_extents, or move the origins of the finger joints in the URDF",
+        ));
+    }
+    let [right, left] = [0, 1].map(|side| gripper.pad_center(robot, side, 0.0));
+    let middle = nalgebra::center(&right, &left).coords;
+    if middle.norm() > 5e-3 {
+        return Err(format!(
+            "gripper.frame: its origin must lie between the pads, whose middle is at [{:.4}, {:.4}, {:.4}] m in it",
+            middle.x, middle.y, middle.z
+        ));
+    }
     Ok(gripper)
 }
 
 impl GripperConfig {
     /// Distance between the pads' inner faces with the fingers at `positions` (right, left), metres.
     pub fn gap(&self, robot: &RobotModel, positions: [f64; 2]) -> f64 {
-        let center = |side: usize| {
-            let joint = &robot.joints()[self.fingers[side]];
-            let slide = joint.axis.into_inner() * positions[side];
-            (joint.origin * nalgebra::Point3::from(slide + self.pad_centers[side])).y
-        };
+        let center = |side: usize| self.pad_center(robot, side, positions[side]).y;
         (center(0) - center(1)).abs() - 2.0 * self.pad_half_extents.y
+    }
+
+    /// Centre of the pad of finger `side` (right, left) at `position`, gripper frame.
+    fn pad_center(&self, robot: &RobotModel, side: usize, position: f64) -> Point3<f64> {
+        let joint = &robot.joints()[self.fingers[side]];
+        let slide = joint.axis.into_inner() * position;
+        joint.origin * Point3::from(slide + self.pad_centers[side])
     }
 }

@@ -10,8 +10,8 @@ use urdf_rs::{Geometry, JointType};
 use super::kinematics::{Drive, Motion, Step};
 use super::resolve::{ROS_PACKAGE_PATH, Resolver};
 use super::{
-    Joint, JointKind, JointLimits, Link, LinkVisual, LoadSummary, ParentJoint, RobotModel, hull, list,
-    mesh_files, primitives, urdf,
+    Follower, Joint, JointKind, JointLimits, Link, LinkVisual, LoadSummary, ParentJoint, RobotModel, hull,
+    list, mesh_files, primitives, urdf,
 };
 use crate::error::{Error, Result};
 use crate::files::{self, text};
@@ -45,6 +45,8 @@ pub(super) fn load(urdf: &Path, package_paths: &[PathBuf]) -> Result<RobotModel>
         links: Vec::new(),
         joints: tree.joints,
         steps: tree.steps,
+        followers: tree.followers,
+        package_paths: package_paths.to_vec(),
         loaded: LoadSummary::default(),
     };
     for (&index, parent_joint) in tree.order.iter().zip(tree.parent_joints) {
@@ -68,6 +70,7 @@ struct Tree {
     parent_joints: Vec<Option<ParentJoint>>,
     steps: Vec<Step>,
     joints: Vec<Joint>,
+    followers: Vec<Follower>,
 }
 
 impl Tree {
@@ -129,7 +132,13 @@ impl Tree {
         for (place, &link) in order.iter().enumerate() {
             position[link] = place;
         }
-        let mut tree = Tree { parent_joints: Vec::new(), steps: Vec::new(), joints: Vec::new(), order };
+        let mut tree = Tree {
+            parent_joints: Vec::new(),
+            steps: Vec::new(),
+            joints: Vec::new(),
+            followers: Vec::new(),
+            order,
+        };
         tree.add_joints(description, &joint_above, |link| links.get(link).map_or(0, |&link| position[link]))?;
         Ok(tree)
     }
@@ -183,6 +192,8 @@ impl Tree {
                 };
                 if let Some(mimic) = &joint.mimic {
                     followers.push((child, mimic));
+                    let limits = limits(&joint.limit, kind).map_err(about)?;
+                    self.followers.push(Follower { link: child, kind, limits });
                 } else {
                     moved_by = Some(drive.joint);
                     self.joints.push(Joint {
@@ -203,6 +214,7 @@ impl Tree {
             let Some(joint) = self.parent_joints[child].as_mut() else {
                 continue;
             };
+            let about = format!("joint '{}' mimics '{}'", joint.name, mimic.joint);
             let leader =
                 self.joints.iter().position(|leader| leader.name == mimic.joint).ok_or_else(|| {
                     format!(
@@ -216,6 +228,7 @@ impl Tree {
                 offset: finite("mimic offset", mimic.offset.unwrap_or(0.0))?,
             };
             joint.moved_by = Some(leader);
+            self.keep_within(&drive, child, &about);
             let step = &mut self.steps[child];
             step.motion = match step.motion {
                 Motion::Slide(_) => Motion::Slide(drive),
@@ -223,6 +236,30 @@ impl Tree {
             };
         }
         Ok(())
+    }
+
+    /// Narrows the limits of the joint that `drive` names to those within which the follower that moves the link `child` keeps its own.
+    fn keep_within(&mut self, drive: &Drive, child: usize, about: &str) {
+        let own = self.followers.iter().find(|follower| follower.link == child).map(|own| own.limits);
+        // A range of zero is one that was left out.
+        let Some(own) = own.filter(|own| own.lower < own.upper && drive.multiplier != 0.0) else {
+            return;
+        };
+        let ends = [own.lower, own.upper].map(|end| (end - drive.offset) / drive.multiplier);
+        let leader = &mut self.joints[drive.joint].limits;
+        let (lower, upper) = (ends[0].min(ends[1]).max(leader.lower), ends[0].max(ends[1]).min(leader.upper));
+        // Hands in the wild have followers whose limits are those of a joint that turns the other way.
+        if lower >= upper {
+            log::warn!(
+                "{about}: its limits {} to {} leave nothing of the other's {} to {}; they are not kept to",
+                own.lower,
+                own.upper,
+                leader.lower,
+                leader.upper
+            );
+            return;
+        }
+        (leader.lower, leader.upper) = (lower, upper);
     }
 }
 

@@ -9,7 +9,10 @@
 //! | `kinematics` | forward kinematics and Jacobian on flat arrays |
 //! | `lanes` | forward kinematics of eight configurations at once |
 //! | `ik` | inverse kinematics: Levenberg-Marquardt within joint limits |
-//! | `config` | `fetch.toml`: groups, named poses, planning limits, camera, gripper |
+//! | `config`, `config_file` | `fetch.toml`: groups, named poses, planning limits, camera, gripper |
+//! | `adapt` | what that file adds to a URDF: further URDFs, the gripper's frame, narrower limits |
+//! | `guess` | a first such file, guessed from a URDF |
+//! | `srdf`, `pairs` | pairs of links that may touch, from an SRDF or by sampling |
 //! | `head` | pointing the camera |
 //!
 //! A [`RobotModel`] holds no joint values: a configuration `q` is a slice with one value a movable joint, in the order
@@ -20,7 +23,7 @@
 //! use grip_sim::robot::{RobotConfig, RobotModel};
 //! # fn main() -> grip_sim::Result<()> {
 //! let robot = RobotModel::load(Path::new("robots/fetch/fetch.urdf"), &[])?;
-//! let config = RobotConfig::load(Path::new("robots/fetch/fetch.toml"), &robot)?;
+//! let (robot, config) = RobotConfig::load(Path::new("robots/fetch/fetch.toml"), robot)?;
 //! let q = config.configuration(&robot, "ready")?;
 //! let base_from_gripper = robot.fk_link(&q, config.gripper.link);
 //! # let _ = base_from_gripper;
@@ -28,8 +31,11 @@
 //! # }
 //! ```
 
+mod adapt;
 mod collada;
 mod config;
+mod config_file;
+mod guess;
 mod head;
 mod hull;
 mod ik;
@@ -38,8 +44,10 @@ mod lanes;
 mod load;
 pub(crate) mod mesh_files;
 pub(crate) mod mesh_part;
+pub mod pairs;
 mod primitives;
 mod resolve;
+mod srdf;
 mod stl;
 #[cfg(test)]
 mod tests;
@@ -50,9 +58,9 @@ use std::sync::Arc;
 
 use nalgebra::{Isometry3, Matrix3, Point3, Unit, Vector3};
 
-pub use config::{
-    CameraConfig, GripperConfig, HeadConfig, NamedPose, PlanningLimits, RobotConfig, RobotConfigFile,
-};
+pub use adapt::find_urdf;
+pub use config::{CameraConfig, GripperConfig, HeadConfig, NamedPose, PlanningLimits, RobotConfig};
+pub use config_file::RobotConfigFile;
 pub use ik::{IkOutcome, IkRequest};
 pub use lanes::{GroupKinematics, Pose8};
 
@@ -70,7 +78,20 @@ pub struct RobotModel {
     joints: Vec<Joint>,
     /// One step of forward kinematics a link, parents first.
     steps: Vec<Step>,
+    /// Those that a URDF lets mimic others.
+    followers: Vec<Follower>,
+    /// Where `package://` was looked up.
+    package_paths: Vec<PathBuf>,
     loaded: LoadSummary,
+}
+
+/// A joint that follows another.
+#[derive(Debug, Clone)]
+struct Follower {
+    /// The link that it moves.
+    link: usize,
+    kind: JointKind,
+    limits: JointLimits,
 }
 
 /// A rigid body of the robot. Geometry and inertia are in the link frame.

@@ -3,6 +3,8 @@
 //! `urdf-rs` tells neither which joint or link an error is of nor its line, passes over numbers that are none, and takes an effort
 //! that is not there for 0. What is wrong is told here, and a velocity or effort limit that is not there becomes an infinite one.
 
+use std::borrow::Cow;
+
 use roxmltree::{Document, Node};
 
 type Result<T> = std::result::Result<T, String>;
@@ -12,6 +14,7 @@ type Result<T> = std::result::Result<T, String>;
 /// # Errors
 /// Joint or link, element, attribute, value and line.
 pub(super) fn parse(text: &str) -> Result<urdf_rs::Robot> {
+    let text = &with_prefixes(text);
     let document = Document::parse(text).map_err(|error| {
         let cut = if text.contains("<robot") && !text.contains("</robot>") {
             "; it was cut off: it has no </robot>"
@@ -33,7 +36,7 @@ pub(super) fn parse(text: &str) -> Result<urdf_rs::Robot> {
         ));
     }
     require(robot, &["name"])?;
-    let mut mended = text.to_owned();
+    let mut mended = text.to_string();
     // From the end, so that places before stay what they are.
     let elements: Vec<Node<'_, '_>> = robot.descendants().filter(Node::is_element).collect();
     for node in elements.into_iter().rev() {
@@ -47,6 +50,18 @@ pub(super) fn parse(text: &str) -> Result<urdf_rs::Robot> {
         }
     }
     urdf_rs::read_from_string(&mended).map_err(|error| format!("is not read as a URDF: {error}"))
+}
+
+/// The text with all prefixes of names declared: files for other programs, such as Drake, use them without that.
+fn with_prefixes(text: &str) -> Cow<'_, str> {
+    let mut text = Cow::Borrowed(text);
+    // Each round declares another prefix; nobody uses so many.
+    for _ in 0..8 {
+        let Err(roxmltree::Error::UnknownNamespace(prefix, _)) = Document::parse(&text) else { break };
+        let Some(at) = text.find("<robot").map(|at| at + "<robot".len()) else { break };
+        text.to_mut().insert_str(at, &format!(" xmlns:{prefix}=\"urn:{prefix}\""));
+    }
+    text
 }
 
 /// Whether an element is one of a link, a joint or a material, and not in what other programs put into a URDF.

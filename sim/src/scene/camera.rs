@@ -6,17 +6,21 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::calibration::CameraError;
+use crate::camera::Intrinsics;
 use crate::pose::{Camera, Pose, World};
 use crate::range::Range;
 
-/// The head camera.
+/// The camera that the robot sees by: its own, which a head may point, unless `place` says otherwise.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct CameraSetup {
     /// Which of the robot's `[camera.intrinsics.NAME]`, such as `fetch` or `grip-paper`, or a file relative to the scene's: a ROS
-    /// calibration (`NAME.yaml`) or BOP's `camera.json`; left out, the robot's default.
+    /// calibration (`NAME.yaml`) or BOP's `camera.json`; or numbers; left out, the robot's default.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub intrinsics: Option<String>,
+    pub intrinsics: Option<IntrinsicsChoice>,
+    /// Where a camera of the scene's own is: fixed in the room or on a link of the robot. Left out, it is the robot's camera.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub place: Option<CameraPlace>,
     /// Depth noise preset, such as `carmine-109` or `none`.
     pub depth_noise: String,
     /// How far off the robot believes the camera to be, in trials.
@@ -27,9 +31,94 @@ pub struct CameraSetup {
     pub sphere: Sphere,
 }
 
+/// Which intrinsics a camera has.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(untagged, expecting = "a name, a file, or { width, height, fx, fy, cx, cy }")]
+pub enum IntrinsicsChoice {
+    /// A name, or a file.
+    Named(String),
+    /// As they are.
+    Numbers(Intrinsics),
+}
+
 impl CameraSetup {
     pub(super) fn problem(&self) -> Option<String> {
-        self.calibration_error.problem("camera.calibration_error").or_else(|| self.sphere.problem())
+        let of_place = || self.place.as_ref().and_then(CameraPlace::problem);
+        let wrong = || match self.intrinsics {
+            Some(IntrinsicsChoice::Numbers(own)) => Some(format!("camera.intrinsics: {}", own.problem()?)),
+            _ => None,
+        };
+        self.calibration_error
+            .problem("camera.calibration_error")
+            .or_else(|| self.sphere.problem())
+            .or_else(of_place)
+            .or_else(wrong)
+    }
+}
+
+/// Where a camera is. In the room: `eye` and `target`. On the robot: `link`, and `xyz` and `rpy` in it.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct CameraPlace {
+    /// Where it stands in the room, metres.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub eye: Option<[f64; 3]>,
+    /// The point that it looks at from there, metres; upright.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub target: Option<[f64; 3]>,
+    /// The link of the robot that carries it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub link: Option<String>,
+    /// Its optical frame (x right, y down, z forward) in that link: origin, metres ...
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub xyz: Option<[f64; 3]>,
+    /// ... and roll, pitch and yaw as in a URDF, radians.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub rpy: Option<[f64; 3]>,
+}
+
+impl CameraPlace {
+    fn problem(&self) -> Option<String> {
+        let Self { eye, target, link, xyz, rpy } = self;
+        let sound = [eye, target, xyz, rpy]
+            .into_iter()
+            .flatten()
+            .flatten()
+            .all(|value| value.is_finite() && value.abs() <= 20.0);
+        if !sound {
+            return Some("camera.place: numbers must be from -20 to 20, metres and radians".into());
+        }
+        match (eye, target, link, xyz, rpy) {
+            (Some(eye), Some(target), None, None, None) => {
+                let [dx, dy] = [0, 1].map(|axis| target[axis] - eye[axis]);
+                (dx.hypot(dy) < 1e-3).then(|| {
+                    format!(
+                        "camera.place: from eye {eye:?} to target {target:?} is straight up or down, where up in the picture is not \
+                         defined; move one aside by a millimetre"
+                    )
+                })
+            }
+            (None, None, Some(_), Some(_), Some(_)) => None,
+            _ => Some(
+                "camera.place: give eye and target for a camera in the room, or link, xyz and rpy for one on the robot".into(),
+            ),
+        }
+    }
+
+    /// World from camera, of one in the room.
+    pub fn in_room(&self) -> Option<Pose<World, Camera>> {
+        let (eye, target) = (Point3::from(self.eye?), Point3::from(self.target?));
+        // The optical frame: z towards the target, y down.
+        let rotation = UnitQuaternion::face_towards(&(target - eye), &-Vector3::z());
+        Some(Pose::new(Isometry3::from_parts(eye.coords.into(), rotation)))
+    }
+
+    /// The link that carries it, and link from camera, of one on the robot.
+    pub fn on_robot(&self) -> Option<(&str, Isometry3<f64>)> {
+        let [roll, pitch, yaw] = self.rpy?;
+        let rotation = UnitQuaternion::from_euler_angles(roll, pitch, yaw);
+        let [x, y, z] = self.xyz?;
+        Some((self.link.as_deref()?, Isometry3::from_parts(Vector3::new(x, y, z).into(), rotation)))
     }
 }
 

@@ -34,7 +34,7 @@ mod table;
 
 pub use bin::Bin;
 pub use block::Block;
-pub use camera::{CameraSetup, Sphere};
+pub use camera::{CameraPlace, CameraSetup, IntrinsicsChoice, Sphere};
 pub use fixture::{BinKind, Fixture, FixtureKind};
 pub use objects::{Count, ObjectPlacement, PlacedObject};
 pub use surroundings::Surroundings;
@@ -57,7 +57,7 @@ pub struct Scene {
     pub surroundings: Surroundings,
     /// Where the robot stands and how it starts.
     pub robot: RobotPlacement,
-    /// The head camera.
+    /// The camera: the robot's, or one of the scene's own.
     pub camera: CameraSetup,
     /// The table.
     pub table: Table,
@@ -74,7 +74,7 @@ pub struct Scene {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct RobotPlacement {
-    /// URDF file, relative to the scene file.
+    /// URDF file, relative to the scene file, or `package://`, which is looked up in `--package-path`.
     #[serde(serialize_with = "files::shown")]
     pub urdf: PathBuf,
     /// Robot settings (groups, poses, limits), relative to the scene file.
@@ -82,6 +82,9 @@ pub struct RobotPlacement {
     pub config: PathBuf,
     /// Base position on the floor, metres.
     pub base: [f64; 2],
+    /// Height of the base over the floor, metres: of a robot on a table or a stand. What it stands on is a table or one of `blocks`.
+    #[serde(default, skip_serializing_if = "is_on_floor")]
+    pub base_height: f64,
     /// Base heading, radians.
     #[serde(default)]
     pub yaw: f64,
@@ -91,10 +94,12 @@ pub struct RobotPlacement {
     pub spread: [f64; 3],
     /// Named pose of the arm at the start and while looking.
     pub start_pose: String,
-    /// Torso height above its lower stop at the start and while looking, metres.
-    pub torso: f64,
-    /// The point that the head camera looks at, metres.
-    pub look_at: [f64; 3],
+    /// Torso height above its lower stop at the start and while looking, metres; left out for a robot without a torso.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub torso: Option<f64>,
+    /// The point that the head camera looks at, metres; left out for a robot without a head.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub look_at: Option<[f64; 3]>,
 }
 
 impl RobotPlacement {
@@ -137,8 +142,9 @@ impl Scene {
         each("robot.base", &robot.base, -10.0, 10.0)?;
         each("robot.yaw", &[robot.yaw], -7.0, 7.0)?;
         each("robot.spread", &robot.spread, 0.0, 1.0)?;
-        each("robot.torso", &[robot.torso], 0.0, 1.0)?;
-        each("robot.look_at", &robot.look_at, -10.0, 10.0)?;
+        each("robot.base_height", &[robot.base_height], 0.0, 3.0)?;
+        each("robot.torso", robot.torso.as_slice(), 0.0, 1.0)?;
+        each("robot.look_at", robot.look_at.as_ref().map_or(&[], |at| at.as_slice()), -10.0, 10.0)?;
         if let Some(problem) = self.camera.problem() {
             return Err(problem);
         }
@@ -236,7 +242,7 @@ impl Scene {
     /// World from the robot's base.
     pub fn world_from_base(&self) -> Pose<World, Base> {
         let [x, y] = self.robot.base;
-        Pose::from_xyz_rpy([x, y, 0.0], [0.0, 0.0, self.robot.yaw])
+        Pose::from_xyz_rpy([x, y, self.robot.base_height], [0.0, 0.0, self.robot.yaw])
     }
 
     /// The fixed solids of the scene: table top and legs as one block each, bin floor and walls, further blocks. World frame.
@@ -263,6 +269,11 @@ impl Scene {
     pub fn ground(&self, x: f64, y: f64, radius: f64) -> Option<f64> {
         block::ground(&self.blocks, self.table.height, x, y, radius)
     }
+}
+
+#[expect(clippy::trivially_copy_pass_by_ref, reason = "serde passes references")]
+fn is_on_floor(height: &f64) -> bool {
+    *height == 0.0
 }
 
 fn is_zero(values: &[f64; 3]) -> bool {

@@ -95,8 +95,8 @@ fn the_table_is_in_full_view_in_the_ready_pose() {
     let geometry = Geometry::of(robot);
     let q = config.configuration(robot, "ready").unwrap();
     let poses = robot.fk(&q);
-    let camera = poses[config.camera.optical_link];
-    let intrinsics = config.camera.intrinsics["fetch"];
+    let camera = poses[config.camera.as_ref().unwrap().optical_link];
+    let intrinsics = config.camera.as_ref().unwrap().intrinsics["fetch"];
     let eye = Point3::from(camera.translation.vector);
     for i in 0..=20 {
         for j in 0..=20 {

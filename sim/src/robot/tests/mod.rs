@@ -6,6 +6,7 @@ mod ik;
 mod k_chain;
 mod lanes;
 mod loading;
+mod others;
 
 use std::path::{Path, PathBuf};
 use std::sync::LazyLock;
@@ -20,8 +21,7 @@ fn folder() -> PathBuf {
 
 static FETCH: LazyLock<(RobotModel, RobotConfig)> = LazyLock::new(|| {
     let robot = RobotModel::load(&folder().join("fetch.urdf"), &[]).unwrap_or_else(|e| panic!("{e}"));
-    let config = RobotConfig::load(&folder().join("fetch.toml"), &robot).unwrap_or_else(|e| panic!("{e}"));
-    (robot, config)
+    RobotConfig::load(&folder().join("fetch.toml"), robot).unwrap_or_else(|e| panic!("{e}"))
 });
 
 /// Every joint anywhere within its limits, continuous ones within a turn.
