@@ -8,7 +8,7 @@ use grip_manip::{BeliefScene, BinGeometry};
 use grip_perception::Workspace;
 use grip_sim::pose::{Camera, Pose, World};
 use grip_sim::robot::{RobotConfig, RobotModel, find_urdf};
-use grip_sim::scene::Scene;
+use grip_sim::scene::{CameraPlace, Scene};
 use nalgebra::{Isometry3, Point3};
 
 /// Depth smears the bin's edges by about this much, metres.
@@ -46,14 +46,18 @@ enum Mount {
 }
 
 impl Mount {
+    fn at(place: &CameraPlace, robot: &RobotModel) -> Result<Option<Self>> {
+        if let Some(pose) = place.in_room() {
+            return Ok(Some(Self::Room(pose)));
+        }
+        place.on_robot().map(|(link, pose)| Ok(Self::Link(robot.link_index(link)?, pose))).transpose()
+    }
+
     fn new(scene: &Scene, robot: &RobotModel, config: &RobotConfig) -> Result<Self> {
-        if let Some(place) = &scene.camera.place {
-            if let Some(pose) = place.in_room() {
-                return Ok(Self::Room(pose));
-            }
-            if let Some((link, pose)) = place.on_robot() {
-                return Ok(Self::Link(robot.link_index(link).context("camera.place.link")?, pose));
-            }
+        if let Some(place) = &scene.camera.place
+            && let Some(mount) = Self::at(place, robot).context("camera.place.link")?
+        {
+            return Ok(mount);
         }
         let camera = config.camera.as_ref().with_context(|| {
             format!(
@@ -171,7 +175,20 @@ impl Cell {
 
     /// The camera's pose by forward kinematics, with the joints at `q`.
     pub fn world_from_camera(&self, q: &[f64]) -> Pose<World, Camera> {
-        match &self.mount {
+        self.camera_on(&self.mount, q)
+    }
+
+    /// The pose of a camera at another place, with the joints at `q`.
+    ///
+    /// # Errors
+    /// When the robot has no such link.
+    pub fn camera_at(&self, place: &CameraPlace, q: &[f64]) -> Result<Pose<World, Camera>> {
+        let mount = Mount::at(place, &self.robot)?.context("a camera without a place")?;
+        Ok(self.camera_on(&mount, q))
+    }
+
+    fn camera_on(&self, mount: &Mount, q: &[f64]) -> Pose<World, Camera> {
+        match mount {
             Mount::Room(pose) => *pose,
             Mount::Link(link, link_from_camera) => {
                 let base_from_camera = self.robot.fk_link(q, *link) * link_from_camera;

@@ -34,7 +34,8 @@ pub struct ScenesArgs {
     /// clutter-3), or NAME=CONDITION. Frames whose condition spreads the objects show the same poses.
     #[arg(long, value_name = "LIST", value_delimiter = ',', default_value = "B,D,D1,D2,O1,O2,O3")]
     pub views: Vec<String>,
-    /// Where the camera is: the robot's head, or anywhere on the scene's `camera.sphere`, anew for each frame.
+    /// Where the camera is: where the scene has it, the robot's head or a place of its own; there and at each of the scene's
+    /// `[[cameras]]`, which take pictures of the same; or anywhere on the scene's `camera.sphere`, anew for each frame.
     #[arg(long, value_enum, default_value_t = CameraPlace::Head)]
     pub camera: CameraPlace,
     /// Who takes the pictures.
@@ -79,8 +80,10 @@ pub struct ScenesArgs {
 /// Where the camera of a data set is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum CameraPlace {
-    /// The robot's head, looking at the scene's `look_at`.
+    /// The scene's camera, the robot's head unless the scene puts it elsewhere.
     Head,
+    /// That one and the scene's `[[cameras]]`.
+    All,
     /// On a sphere about the objects.
     Sphere,
 }
@@ -111,6 +114,7 @@ impl ScenesArgs {
             views: self.views.clone(),
             camera: match self.camera {
                 CameraPlace::Head => grip::dataset::CameraPlace::Head,
+                CameraPlace::All => grip::dataset::CameraPlace::All,
                 CameraPlace::Sphere => grip::dataset::CameraPlace::Sphere,
             },
             profile: match self.profile {

@@ -8,7 +8,8 @@ use grip_sim::bop::{self, CameraFile};
 use grip_sim::camera::{Distortion, Intrinsics};
 use grip_sim::condition::{ConditionSpec, Placement};
 use grip_sim::objects::ObjectModel;
-use grip_sim::scene::Scene;
+use grip_sim::pose::{Camera, Pose, World};
+use grip_sim::scene::{FurtherCamera, Scene};
 use grip_sim::sensor::Sensors;
 use grip_sim::sensor::lens::Lens;
 use schemars::JsonSchema;
@@ -27,9 +28,11 @@ pub const DEPTH_SCALE_MM: f64 = 0.1;
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum CameraPlace {
-    /// The robot's head, looking at the scene's `look_at`.
+    /// The scene's camera: the robot's head, looking at the scene's `look_at`, unless the scene puts it elsewhere.
     #[default]
     Head,
+    /// That one and the scene's further cameras: each takes a picture of every layout.
+    All,
     /// On a sphere about the objects.
     Sphere,
 }
@@ -110,6 +113,20 @@ pub struct View {
     pub name: String,
     /// Light, and how objects are placed.
     pub condition: ConditionSpec,
+    /// Which of the scene's further cameras takes it; none for the scene's camera.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub camera: Option<String>,
+    /// The name that it shares with the frames that other cameras take of the same.
+    #[serde(skip)]
+    pub of: String,
+}
+
+impl View {
+    /// The camera's position in [`Plan::poses`].
+    pub fn camera(&self, scene: &Scene) -> usize {
+        let of = |name: &String| scene.cameras.iter().position(|camera| camera.name == *name);
+        self.camera.as_ref().and_then(of).map_or(0, |further| further + 1)
+    }
 }
 
 /// A resolved data set. Two equal plans make the same files, byte for byte, on the same renderer.
@@ -137,6 +154,9 @@ pub struct Plan {
     pub intrinsics: Intrinsics,
     /// Of the lens; BOP has no field for it, so it stands here alone.
     pub distortion: Distortion,
+    /// Where the cameras are: the scene's, and the further ones that take pictures. Of a camera on a sphere it says nothing.
+    #[serde(skip)]
+    pub poses: Vec<Pose<World, Camera>>,
     /// Where the distortion is not none.
     #[serde(skip)]
     pub lens: Option<Lens>,
@@ -174,6 +194,7 @@ impl Plan {
                 view.name
             );
         }
+        let (views, poses) = seen_by_cameras(views, options.camera, setup)?;
         ensure!((0.0..=1.0).contains(&options.shiny), "--shiny {}: must be from 0 to 1", options.shiny);
         let of_scene = &setup.cell.scene.camera.depth_noise;
         let depth_noise = options.depth_noise.as_ref().unwrap_or(of_scene);
@@ -195,6 +216,7 @@ impl Plan {
             split: options.split.clone(),
             views,
             camera: options.camera,
+            poses,
             profile: options.profile,
             shiny: options.shiny,
             intrinsics: setup.camera.intrinsics,
@@ -215,7 +237,7 @@ impl Plan {
 
     /// Whether the frame shows the layout that all such frames of its scene share.
     pub fn shares_layout(&self, view: &View) -> bool {
-        view.condition.placement == Placement::Spread && self.camera == CameraPlace::Head
+        view.condition.placement == Placement::Spread && self.camera != CameraPlace::Sphere
     }
 
     /// Writes `dataset.json` in a new folder; in one that has it, checks that it is the same plan.
@@ -311,7 +333,36 @@ fn view(text: &str, folder: &Path) -> Result<View> {
         "--views: '{text}': a frame's name must be of letters, digits, '-' and '_'"
     );
     let condition = setup::load_condition(folder, condition).with_context(|| format!("--views {text}"))?;
-    Ok(View { name: name.to_owned(), condition })
+    Ok(View { name: name.to_owned(), condition, camera: None, of: name.to_owned() })
+}
+
+/// The frames of all cameras that take pictures, those of one kind together, and where these cameras are.
+fn seen_by_cameras(
+    views: Vec<View>,
+    camera: CameraPlace,
+    setup: &Setup,
+) -> Result<(Vec<View>, Vec<Pose<World, Camera>>)> {
+    let Setup { cell, .. } = setup;
+    let mut poses = vec![cell.world_from_camera(&cell.start)];
+    if camera != CameraPlace::All {
+        return Ok((views, poses));
+    }
+    let further = &cell.scene.cameras;
+    ensure!(!further.is_empty(), "--camera all: the scene has no [[cameras]] (name, place); add some");
+    for camera in further {
+        let pose = cell.camera_at(&camera.place, &cell.start);
+        poses.push(pose.with_context(|| format!("cameras.place of '{}'", camera.name))?);
+    }
+    let by = |view: &View, camera: &FurtherCamera| View {
+        name: format!("{}_{}", view.name, camera.name),
+        camera: Some(camera.name.clone()),
+        ..view.clone()
+    };
+    let all = |view: View| {
+        let others: Vec<View> = further.iter().map(|camera| by(&view, camera)).collect();
+        std::iter::once(view).chain(others)
+    };
+    Ok((views.into_iter().flat_map(all).collect(), poses))
 }
 
 fn distortion(given: &[f64], intrinsics: &Intrinsics) -> Result<Distortion> {

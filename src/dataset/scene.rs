@@ -98,9 +98,15 @@ struct FrameInfo<'a> {
     condition: &'a Condition,
 }
 
-/// Objects at rest, as the camera sees them.
+/// Objects at rest, as the cameras see them.
 struct Layout {
     scene: RenderScene,
+    /// Of each camera.
+    seen: Vec<Seen>,
+}
+
+/// Objects at rest, as a camera sees them.
+struct Seen {
     world_from_camera: Pose<WorldFrame, Camera>,
     /// In the order of the scene's objects.
     camera_from_object: Vec<Pose<Camera, Object>>,
@@ -188,7 +194,7 @@ fn attempt(
     let conditions: Vec<Condition> = plan
         .views
         .iter()
-        .map(|view| view.condition.draw(&mut rng::stream(seed, &format!("condition/{}", view.name))))
+        .map(|view| view.condition.draw(&mut rng::stream(seed, &format!("condition/{}", view.of))))
         .collect();
     let mut making = Making {
         setup,
@@ -202,15 +208,19 @@ fn attempt(
         timings: Timings::default(),
     };
     let mut shared: Option<Layout> = None;
+    // Of the last frame that has one of its own, with its name: other cameras see the same.
+    let mut own: Option<(&str, Layout)> = None;
     for (im_id, (view, condition)) in (0..).zip(plan.views.iter().zip(&conditions)) {
-        let mut own = None;
         let layout = if plan.shares_layout(view) {
             match &mut shared {
                 Some(layout) => layout,
                 none => none.insert(making.layout(view, condition)?),
             }
         } else {
-            own.insert(making.layout(view, condition)?)
+            match own.take().filter(|(of, _)| *of == view.of) {
+                Some(same) => &mut own.insert(same).1,
+                None => &mut own.insert((&view.of, making.layout(view, condition)?)).1,
+            }
         };
         making.frame(&writer, im_id, view, condition, layout, renderer)?;
     }
@@ -258,27 +268,31 @@ impl Making<'_> {
     /// Objects put down as `view` wants it, all of them in the picture and to be seen.
     fn layout(&mut self, view: &View, condition: &Condition) -> Result<Layout> {
         let Self { setup, scene, models, .. } = *self;
-        let name = if self.plan.shares_layout(view) { "shared" } else { view.name.as_str() };
+        let name = if self.plan.shares_layout(view) { "shared" } else { view.of.as_str() };
         let began = Instant::now();
         let seed: u64 = rng::stream(self.seed, &format!("layout/{name}")).random();
-        let world_from_camera = match self.plan.camera {
-            CameraPlace::Head => setup.cell.world_from_camera(&setup.cell.start),
+        let cameras = match self.plan.camera {
+            CameraPlace::Head | CameraPlace::All => self.plan.poses.clone(),
             CameraPlace::Sphere => {
                 let [x, y] = scene.objects.center;
                 let center = Point3::new(x, y, scene.table.height + 0.03);
-                scene.camera.sphere.draw(&center, &mut rng::stream(seed, "camera"))
+                vec![scene.camera.sphere.draw(&center, &mut rng::stream(seed, "camera"))]
             }
         };
         let pinhole = self.plan.pinhole();
-        let camera_from_world = world_from_camera.inverse();
-        let outlines = |placed: &[Placed]| {
+        let outlines_by = |camera: &Pose<WorldFrame, Camera>, placed: &[Placed]| {
+            let camera_from_world = camera.inverse();
             outlines(placed, pinhole, |(model, pose)| {
                 render::silhouette(&model.visual.mesh, &(camera_from_world * *pose), pinhole).map(Rc::new)
             })
         };
-        let glance = Glance::new(camera_from_world, pinhole);
-        let accept =
-            Accept { glance: &|placed| glance.accepts(placed), look: &|placed| outlines(placed).map(|_| ()) };
+        // Every camera must see all of them.
+        let glances: Vec<Glance> =
+            cameras.iter().map(|camera| Glance::new(camera.inverse(), pinhole)).collect();
+        let accept = Accept {
+            glance: &|placed| glances.iter().try_for_each(|glance| glance.accepts(placed)),
+            look: &|placed| cameras.iter().try_for_each(|camera| outlines_by(camera, placed).map(|_| ())),
+        };
         let physics = &setup.settings.physics;
         let cell = &setup.cell;
         let fresh = || {
@@ -290,21 +304,27 @@ impl Making<'_> {
         self.timings.physics += began.elapsed();
         let (world, dropped) = dropped?;
         self.rejected.extend(dropped.rejected.into_iter().map(|reason| format!("{name}: {reason}")));
-        let mut outlines = outlines(&world.placed()).map_err(anyhow::Error::msg)?;
-        outlines.truncate(self.targets);
-        if let Some(lens) = &self.plan.lens {
-            outlines = outlines
-                .iter()
-                .map(|outline| distorted(lens, outline).map(Rc::new))
-                .collect::<Result<_>>()?;
-        }
-        let camera_from_object = (0..self.targets).map(|i| camera_from_world * world.truth(i)).collect();
-        Ok(Layout { scene: (self.show)(&world), world_from_camera, camera_from_object, outlines })
+        let seen = |world_from_camera: &Pose<WorldFrame, Camera>| -> Result<Seen> {
+            let mut outlines = outlines_by(world_from_camera, &world.placed()).map_err(anyhow::Error::msg)?;
+            outlines.truncate(self.targets);
+            if let Some(lens) = &self.plan.lens {
+                outlines = outlines
+                    .iter()
+                    .map(|outline| distorted(lens, outline).map(Rc::new))
+                    .collect::<Result<_>>()?;
+            }
+            let camera_from_world = world_from_camera.inverse();
+            let camera_from_object = (0..self.targets).map(|i| camera_from_world * world.truth(i)).collect();
+            Ok(Seen { world_from_camera: *world_from_camera, camera_from_object, outlines })
+        };
+        let seen = cameras.iter().map(seen).collect::<Result<_>>()?;
+        Ok(Layout { scene: (self.show)(&world), seen })
     }
 
     fn draw(
         &mut self,
         layout: &Layout,
+        seen: &Seen,
         condition: &Condition,
         renderer: &mut dyn Renderer,
     ) -> Result<Rendering> {
@@ -313,7 +333,7 @@ impl Making<'_> {
             &layout.scene,
             &condition.lighting,
             self.plan.pinhole(),
-            &layout.world_from_camera,
+            &seen.world_from_camera,
         )?;
         if let Some(lens) = &self.plan.lens {
             rendering = lens.rendering(&rendering)?;
@@ -332,7 +352,8 @@ impl Making<'_> {
         layout: &Layout,
         renderer: &mut dyn Renderer,
     ) -> Result<()> {
-        let rendering = self.draw(layout, condition, renderer)?;
+        let seen = &layout.seen[view.camera(self.scene)];
+        let rendering = self.draw(layout, seen, condition, renderer)?;
         let began = Instant::now();
         let Plan { intrinsics, mut sensors, .. } = *self.plan;
         let mut camera_random = rng::stream(self.seed, &format!("camera/{}", view.name));
@@ -343,7 +364,7 @@ impl Making<'_> {
             sensors.depth = camera.depth_noise;
         }
         let mut random = rng::stream(self.seed, &format!("sensor/{}", view.name));
-        let pose = &layout.world_from_camera;
+        let pose = &seen.world_from_camera;
         let mut frame = sensor::sense(&rendering, condition, &intrinsics, pose, &sensors, &mut random);
         if let Some(camera) = &camera {
             frame = camera.applied(&frame, &mut camera_random)?;
@@ -357,13 +378,13 @@ impl Making<'_> {
 
         let began = Instant::now();
         let masks: Vec<Masks> = (1..)
-            .zip(&layout.outlines)
+            .zip(&seen.outlines)
             .map(|(label, outline)| Masks::new(label, outline, &rendering.labels, &frame.depth))
             .collect::<Result<_>>()?;
         let objects: Vec<ObjectInFrame<'_>> = self
             .models
             .iter()
-            .zip(&layout.camera_from_object)
+            .zip(&seen.camera_from_object)
             .zip(&masks)
             .map(|((model, pose), masks)| ObjectInFrame {
                 obj_id: model.info.bop_id,
@@ -381,7 +402,7 @@ impl Making<'_> {
             depth: &frame.depth,
             depth_scale_mm: DEPTH_SCALE_MM,
             intrinsics,
-            world_from_camera: Some(layout.world_from_camera),
+            world_from_camera: Some(seen.world_from_camera),
             objects: &objects,
         })?;
         self.timings.write += began.elapsed();

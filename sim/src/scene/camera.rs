@@ -56,6 +56,29 @@ impl CameraSetup {
     }
 }
 
+/// A further camera, for data sets: like the scene's but for where it is.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct FurtherCamera {
+    /// Its frames are called after it.
+    pub name: String,
+    /// Where it is.
+    pub place: CameraPlace,
+}
+
+impl FurtherCamera {
+    pub(super) fn problem(&self, others: &[Self]) -> Option<String> {
+        let plain = |c: char| c.is_ascii_alphanumeric() || c == '-';
+        let Self { name, place } = self;
+        if name.is_empty() || !name.chars().all(plain) || others.iter().any(|other| other.name == *name) {
+            return Some(format!(
+                "cameras.name = \"{name}\": must be of letters, digits and '-', and each camera's own"
+            ));
+        }
+        place.problem().map(|problem| problem.replace("camera.place", &format!("cameras.place of '{name}'")))
+    }
+}
+
 /// Where a camera is. In the room: `eye` and `target`. On the robot: `link`, and `xyz` and `rpy` in it.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]

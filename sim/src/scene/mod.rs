@@ -34,7 +34,7 @@ mod table;
 
 pub use bin::Bin;
 pub use block::Block;
-pub use camera::{CameraPlace, CameraSetup, IntrinsicsChoice, Sphere};
+pub use camera::{CameraPlace, CameraSetup, FurtherCamera, IntrinsicsChoice, Sphere};
 pub use fixture::{BinKind, Fixture, FixtureKind};
 pub use objects::{Count, ObjectPlacement, PlacedObject};
 pub use surroundings::Surroundings;
@@ -59,6 +59,9 @@ pub struct Scene {
     pub robot: RobotPlacement,
     /// The camera: the robot's, or one of the scene's own.
     pub camera: CameraSetup,
+    /// Further cameras, which take pictures for data sets beside it (`grip scenes --camera all`).
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub cameras: Vec<FurtherCamera>,
     /// The table.
     pub table: Table,
     /// The bin that is packed.
@@ -147,6 +150,11 @@ impl Scene {
         each("robot.look_at", robot.look_at.as_ref().map_or(&[], |at| at.as_slice()), -10.0, 10.0)?;
         if let Some(problem) = self.camera.problem() {
             return Err(problem);
+        }
+        for (i, further) in self.cameras.iter().enumerate() {
+            if let Some(problem) = further.problem(&self.cameras[..i]) {
+                return Err(problem);
+            }
         }
         each("table.center", &table.center, -10.0, 10.0)?;
         each("table.size", &table.size, 0.1, 5.0)?;
