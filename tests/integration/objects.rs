@@ -213,7 +213,7 @@ fn what_is_measured_of_a_mesh_is_what_geometry_says() {
             vec!["--mass", "0.3", "--unit", "mm", "--name", "b", "--bop-id", "23"],
             "24 and above",
         ),
-        ("carton.obj", vec!["--mass", "-3", "--unit", "mm", "--name", "b"], "mass_kg = -3"),
+        ("carton.obj", vec!["--mass", "90", "--unit", "mm", "--name", "b"], "mass_kg = 90"),
         ("bracket.stl", vec!["--mass", "0.3", "--unit", "mm", "--name", "b", "--texture", "x.png"], "x.png"),
         ("gone.stl", vec!["--mass", "0.3"], "gone.stl"),
     ] {
@@ -370,7 +370,7 @@ fn names_and_numbers_are_used_once_and_the_nearest_name_is_told() {
     let scene = root().join("scenes/grocery.toml");
     let scene = scene.to_str().unwrap();
     let settings = shop.text("settings.toml");
-    std::fs::write(&settings, "[success]\nslip = 0.01\n").unwrap();
+    std::fs::write(&settings, "[success]\nslip_mm = 0.01\n").unwrap();
     for (args, wanted) in [
         (vec!["grasps", "angel", "--objects", &a], "did you mean 'angle'?"),
         (vec!["render", scene, "--condition", "drak"], "did you mean 'dark'?"),

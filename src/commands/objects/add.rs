@@ -40,6 +40,12 @@ pub fn run(args: &AddArgs) -> Result<Done> {
         "{name}: there is an object of this name already; give another --name"
     );
 
+    let bop_id = args.bop_id.unwrap_or(free);
+    ensure!(
+        library.infos().all(|info| info.bop_id != bop_id),
+        "--bop-id {bop_id}: is in use; {free} and above are free"
+    );
+
     let text = if exists {
         grip_sim::files::read_to_string(table)?.into_owned()
     } else {
@@ -50,18 +56,12 @@ pub fn run(args: &AddArgs) -> Result<Done> {
         rows.into_iter().next_back().context("the new row is missing")
     };
     // The shape is looked at first: the row says its symmetry.
-    let mut row =
-        Row { args, name: &name, bop_id: args.bop_id.unwrap_or(free), symmetry: (None, Vec::new()) };
+    let mut row = Row { args, name: &name, bop_id, symmetry: (None, Vec::new()) };
     let own = OwnMesh::of(table, &parse(&row.after(&text)?)?).context("the new row has no mesh")?;
     let (visual, origin) = own.visual()?;
     row.symmetry = measured_symmetry(&visual.mesh, visual.mesh.diameter());
     let text = row.after(&text)?;
     let written = parse(&text)?;
-    ensure!(
-        library.infos().all(|info| info.bop_id != written.bop_id),
-        "--bop-id {}: is in use; {free} and above are free",
-        written.bop_id
-    );
     let info = written.info(|| own.volume())?.map_err(anyhow::Error::msg)?;
     let model = Arc::new(own.model(info)?);
 
