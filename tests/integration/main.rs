@@ -18,6 +18,8 @@ mod init;
 mod input;
 mod metrics;
 mod objects;
+#[cfg(unix)]
+mod own;
 mod pack;
 mod plan;
 mod renderers;

@@ -165,6 +165,45 @@ fn a_lens_and_a_sphere_of_cameras_are_options() {
 }
 
 #[test]
+fn several_cameras_take_pictures_of_the_same() {
+    let folder = tempfile::tempdir().unwrap();
+    let left = "place = { eye = [0.6, 0.9, 1.3], target = [0.6, 0.0, 0.7] }";
+    let wrist =
+        "place = { link = \"head_tilt_link\", xyz = [0.1, 0.05, 0.06], rpy = [-1.5708, 0.0, -1.5708] }";
+    let cameras =
+        format!("\n[[cameras]]\nname = \"left\"\n{left}\n[[cameras]]\nname = \"stereo\"\n{wrist}\n");
+    let scene = common::edited_scene(folder.path(), |text| text + &cameras);
+    let out = folder.path().join("set");
+    let args = ["--scenes", "1", "--views", "B,O1", "--camera", "all", "--seed", "5"];
+    let files = [scene.to_str().unwrap(), "--out", out.to_str().unwrap()];
+    let output = grip(&[&["scenes"], &args[..], &files].concat());
+    assert_eq!(code(&output), 0, "{}", stderr(&output));
+    let info = std::fs::read_to_string(out.join("test/000001/scene_info.json")).unwrap();
+    for name in ["exp001_B", "exp001_B_left", "exp001_B_stereo", "exp001_O1", "exp001_O1_left"] {
+        assert!(info.contains(&format!("\"{name}\"")), "{name}");
+    }
+    let dataset = Dataset::open(&out, None).unwrap();
+    // World from object, and where the camera is.
+    let seen = |image: u32| {
+        let camera = dataset.frame(1, image).unwrap().world_from_camera.unwrap();
+        let truths = dataset.ground_truths(1, image).unwrap();
+        let places: Vec<_> = truths.iter().map(|t| (camera * t.camera_from_object).translation()).collect();
+        (camera, places)
+    };
+    let all: Vec<_> = (0..6).map(seen).collect();
+    for (image, as_in) in [(1, 0), (2, 0), (4, 3), (5, 3)] {
+        assert!((all[image].0.translation() - all[as_in].0.translation()).norm() > 0.02, "another camera");
+        for (a, b) in all[image].1.iter().zip(&all[as_in].1) {
+            assert!((a - b).norm() < 1e-5, "{a} {b}");
+        }
+    }
+    assert!((all[1].0.translation() - nalgebra::Vector3::new(0.6, 0.9, 1.3)).norm() < 1e-6);
+    assert!(all[0].1.iter().zip(&all[3].1).any(|(a, b)| (a - b).norm() > 0.01), "heaped anew");
+    let none = grip(&["scenes", "--camera", "all", "--out", folder.path().join("none").to_str().unwrap()]);
+    assert!(code(&none) == 2 && stderr(&none).contains("[[cameras]]"), "{}", stderr(&none));
+}
+
+#[test]
 fn a_hard_set_has_the_same_objects_among_other_things_and_other_cameras() {
     let folder = tempfile::tempdir().unwrap();
     let [standard, hard, again] = ["standard", "hard", "again"].map(|name| folder.path().join(name));
