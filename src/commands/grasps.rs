@@ -23,7 +23,8 @@ pub fn run(args: &GraspsArgs) -> Result<Done> {
     };
     let (urdf, robot, config) = args.robot.load()?;
     let name = robot.name().to_string();
-    let planner = Planner::new(Arc::new(robot), Arc::new(config), args.settings.load()?.planner);
+    let settings = args.settings.load()?.for_robot(&config);
+    let planner = Planner::new(Arc::new(robot), Arc::new(config), settings.planner);
     let (mut sets, mut models) = (Vec::new(), Vec::new());
     let mut rows = Vec::new();
     for object in &names {

@@ -73,7 +73,8 @@ pub fn run(args: &PlanArgs) -> Result<Done> {
         .iter()
         .map(|(request, scene)| load_problem(request, scene, &robot, &config))
         .collect::<Result<Vec<_>, _>>()?;
-    let planner = Planner::new(robot, config, args.settings.load()?.planner);
+    let settings = args.settings.load()?.for_robot(&config);
+    let planner = Planner::new(robot, config, settings.planner);
     let pool = rayon::ThreadPoolBuilder::new()
         .num_threads(args.jobs)
         .build()

@@ -16,6 +16,7 @@
 mod success;
 mod trial;
 
+use std::collections::BTreeSet;
 use std::path::Path;
 
 use anyhow::{Context, Result, anyhow};
@@ -23,6 +24,7 @@ use grip_manip::{ExecutorSettings, PlannerSettings};
 use grip_perception::PerceptionSettings;
 use grip_physics::PhysicsSettings;
 use grip_sim::names::suggestion_in;
+use grip_sim::robot::RobotConfig;
 use grip_sim::sensor::SensorSettings;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -55,6 +57,38 @@ pub struct Settings {
     pub score: ScoreSettings,
     /// Grasps under known pose errors.
     pub sweep: SweepSettings,
+    /// What a file has said.
+    #[serde(skip)]
+    named: Named,
+}
+
+/// Paths of what a file names, such as `physics.fingers.pad_friction`. Settings are the same, whoever said them.
+#[derive(Debug, Clone, Default)]
+struct Named(BTreeSet<String>);
+
+impl PartialEq for Named {
+    fn eq(&self, _: &Self) -> bool {
+        true
+    }
+}
+
+impl Named {
+    fn of(changes: &Table) -> Self {
+        fn add(paths: &mut BTreeSet<String>, before: &str, table: &Table) {
+            for (name, value) in table {
+                let path = format!("{before}{name}");
+                match value {
+                    Value::Table(inner) => add(paths, &format!("{path}."), inner),
+                    _ => {
+                        paths.insert(path);
+                    }
+                }
+            }
+        }
+        let mut paths = BTreeSet::new();
+        add(&mut paths, "", changes);
+        Self(paths)
+    }
 }
 
 impl Settings {
@@ -74,15 +108,38 @@ impl Settings {
     /// As [`Settings::load`].
     pub fn parse(text: &str) -> Result<Self> {
         let changes: Table = toml::from_str(text).map_err(|e| anyhow!("{}", e.to_string().trim_end()))?;
+        let named = Named::of(&changes);
         let mut tree = Value::try_from(Self::default()).context("the defaults")?;
         merge(&mut tree, Value::Table(changes));
-        let settings: Self = serde_path_to_error::deserialize(tree.clone()).map_err(|error| {
+        let read: Self = serde_path_to_error::deserialize(tree.clone()).map_err(|error| {
             let message = error.inner().to_string().trim_end().replace('\n', " ");
             anyhow!("{}: {message}{}", error.path(), suggestion_in(&message))
         })?;
         grip_sim::files::lists_fit::<Self>(&tree).map_err(|message| anyhow!(message))?;
+        let settings = Self { named, ..read };
         settings.validate()?;
         Ok(settings)
+    }
+
+    /// With what a robot says of its own pads, but for what a file has named.
+    #[must_use]
+    pub fn for_robot(mut self, config: &RobotConfig) -> Self {
+        if let Some(friction) = config.gripper.pad_friction {
+            self.take_pads(friction);
+        }
+        self
+    }
+
+    fn take_pads(&mut self, friction: f64) {
+        let named = |path: &str| self.named.0.contains(path);
+        let (world, planner) =
+            (named("physics.fingers.pad_friction"), named("planner.grasp.antipodal.pad_friction"));
+        if !world {
+            self.physics.fingers.pad_friction = friction;
+        }
+        if !planner {
+            self.planner.grasp.antipodal.pad_friction = friction;
+        }
     }
 
     /// # Errors
@@ -148,6 +205,18 @@ mod tests {
         expected.success.slip_m = 0.01;
         expected.perception.paper_guarded.samples = 100;
         assert_eq!(changed, expected);
+    }
+
+    #[test]
+    fn a_robot_says_what_its_pads_are_and_a_file_has_the_last_word() {
+        let taken = |text: &str| {
+            let mut settings = Settings::parse(text).unwrap();
+            settings.take_pads(0.5);
+            (settings.physics.fingers.pad_friction, settings.planner.grasp.antipodal.pad_friction)
+        };
+        assert_eq!(taken(""), (0.5, 0.5));
+        assert_eq!(taken("[physics.fingers]\npad_friction = 0.9"), (0.9, 0.5));
+        assert_eq!(taken("[planner.grasp.antipodal]\npad_friction = 0.8"), (0.5, 0.8));
     }
 
     #[test]

@@ -117,6 +117,7 @@ impl Setup {
         let SetupOptions { scene: path, seed, settings, .. } = options;
         let [urdf, config] = [&options.robot, &options.robot_config].map(Option::as_deref);
         let cell = Cell::load(path, urdf, config, &options.package_path)?;
+        let settings = Arc::new(Settings::clone(settings).for_robot(&cell.config));
         let condition = load_condition(&cell.folder, &options.condition)?;
         let of_scene = cell.scene.objects.tables.iter().map(|table| cell.folder.join(table));
         let tables: Vec<PathBuf> = of_scene.chain(options.tables.iter().cloned()).collect();
@@ -148,7 +149,7 @@ impl Setup {
             library: Arc::new(library),
             models,
             seed: *seed,
-            settings: settings.clone(),
+            settings,
             hypotheses: HypothesisRenderer::Cpu,
         })
     }

@@ -11,6 +11,7 @@ use super::{JointKind, RobotModel, list, pairs, srdf};
 use crate::camera::Intrinsics;
 use crate::error::{Error, Result};
 use crate::files;
+use crate::range::within;
 
 /// Slack for positions and speeds copied from tables with rounded digits.
 const ROUNDING: f64 = 1e-6;
@@ -97,6 +98,8 @@ pub struct GripperConfig {
     pub finger_depth: f64,
     /// Highest closing force of a finger, newtons.
     pub max_force: f64,
+    /// Coulomb friction of the pads, where it is not what the settings say.
+    pub pad_friction: Option<f64>,
 }
 
 impl RobotConfig {
@@ -401,6 +404,9 @@ fn gripper(
             return Err(format!("gripper.{field}: {value} must be above 0"));
         }
     }
+    if let Some(friction) = file.pad_friction {
+        within("gripper.pad_friction", friction, 0.0, 2.0)?;
+    }
     if file.pad_centers.iter().flatten().any(|value| !value.is_finite()) {
         return Err(format!("gripper.pad_centers: {:?} must be finite", file.pad_centers));
     }
@@ -422,6 +428,7 @@ fn gripper(
         opening: file.opening,
         finger_depth: file.finger_depth,
         max_force: file.max_force,
+        pad_friction: file.pad_friction,
     };
     let widest = gripper.gap(robot, fingers.map(|finger| robot.joints()[finger].limits.upper));
     if (widest - file.opening).abs() > 1e-3 {

@@ -137,6 +137,9 @@ pub(super) struct GripperFile {
     pub(super) finger_depth: f64,
     /// Highest closing force of a finger, newtons.
     pub(super) max_force: f64,
+    /// Coulomb friction of the pads, in place of the settings' `physics.fingers.pad_friction` and
+    /// `planner.grasp.antipodal.pad_friction`, unless a settings file names these. A contact has the mean of both sides'.
+    pub(super) pad_friction: Option<f64>,
 }
 
 /// Collisions of the robot with itself that are none.

@@ -67,7 +67,8 @@ pub fn run(args: &AddArgs) -> Result<Done> {
 
     let (_, robot, config) = args.robot.load()?;
     let config = Arc::new(config);
-    let planner = Planner::new(Arc::new(robot), config.clone(), args.settings.load()?.planner);
+    let planner =
+        Planner::new(Arc::new(robot), config.clone(), args.settings.load()?.for_robot(&config).planner);
     let report = ObjectReport::new(&model, own.path(), &origin, &planner, &config)?;
     if !args.dry_run {
         write(table, &text).with_context(|| format!("{}: cannot be written", table.display()))?;
