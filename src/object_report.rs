@@ -202,7 +202,7 @@ impl<'a> ObjectReport<'a> {
     pub fn text(&self) -> String {
         let mm =
             |values: &[f64]| values.iter().map(|v| format!("{:.1}", 1e3 * v)).collect::<Vec<_>>().join(" x ");
-        let [x, y, z] = self.origin_in_file_m.map(|v| 1e3 * v);
+        let [x, y, z] = self.origin_in_file_m.map(|v| (1e4 * v).round() / 10.0 + 0.0);
         let tensor = self.inertia_kg_m2;
         let turns =
             |axes: &[Axis]| axes.iter().map(|axis| axis.letter().to_string()).collect::<Vec<_>>().join(", ");
@@ -215,7 +215,8 @@ impl<'a> ObjectReport<'a> {
             (None, half) => format!("half turns about {}", turns(half)),
         };
         let rests = self.resting_poses.iter().filter(|pose| pose.share >= RARE).take(8).map(|pose| {
-            let [x, y, z] = pose.down;
+            // No minus before a zero.
+            let [x, y, z] = pose.down.map(|v| (100.0 * v).round() / 100.0 + 0.0);
             format!("{:.0} % with ({x:.2}, {y:.2}, {z:.2}) down", 100.0 * pose.share)
         });
         let grasps = match self.grasps.widths_m {
