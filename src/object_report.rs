@@ -24,6 +24,8 @@ const DENSITIES: [f64; 2] = [20.0, 20_000.0];
 const POOR_PIECES: f64 = 2e-3;
 /// Resting poses nearer than this about an axis of revolution are one, radians.
 const SAME_LEAN: f64 = 0.05;
+/// What has no resting pose with such a share is round.
+const ROLLS: f64 = 0.08;
 /// Rarer resting poses are not listed, but counted.
 const RARE: f64 = 0.01;
 
@@ -202,7 +204,7 @@ impl<'a> ObjectReport<'a> {
     pub fn text(&self) -> String {
         let mm =
             |values: &[f64]| values.iter().map(|v| format!("{:.1}", 1e3 * v)).collect::<Vec<_>>().join(" x ");
-        let [x, y, z] = self.origin_in_file_m.map(|v| 1e3 * v);
+        let [x, y, z] = self.origin_in_file_m.map(|v| (1e4 * v).round() / 10.0 + 0.0);
         let tensor = self.inertia_kg_m2;
         let turns =
             |axes: &[Axis]| axes.iter().map(|axis| axis.letter().to_string()).collect::<Vec<_>>().join(", ");
@@ -215,9 +217,12 @@ impl<'a> ObjectReport<'a> {
             (None, half) => format!("half turns about {}", turns(half)),
         };
         let rests = self.resting_poses.iter().filter(|pose| pose.share >= RARE).take(8).map(|pose| {
-            let [x, y, z] = pose.down;
+            // No minus before a zero.
+            let [x, y, z] = pose.down.map(|v| (100.0 * v).round() / 100.0 + 0.0);
             format!("{:.0} % with ({x:.2}, {y:.2}, {z:.2}) down", 100.0 * pose.share)
         });
+        let rests = rests.collect::<Vec<_>>().join("; ");
+        let rolls = self.resting_poses.first().is_none_or(|pose| pose.share < ROLLS);
         let grasps = match self.grasps.widths_m {
             None => "none".to_owned(),
             Some([narrow, wide]) => {
@@ -247,7 +252,7 @@ impl<'a> ObjectReport<'a> {
             format!(
                 "  comes to rest   {} ways: {}",
                 self.resting_poses.len(),
-                rests.collect::<Vec<_>>().join("; ")
+                if rolls { "it rolls" } else { &rests }
             ),
             format!(
                 "  solid           {} convex pieces, {:.2} mm off the mesh on average, {:.2} mm at most",

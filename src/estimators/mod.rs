@@ -166,6 +166,8 @@ impl Estimator {
 /// Says of which objects the detector knows nothing.
 pub(crate) fn tell_unknown(names: &[String]) {
     if !names.is_empty() {
+        let mut names = names.to_vec();
+        names.sort_unstable();
         log::warn!(
             "the detector's network has no class for {}: whatever stands on the table is proposed for it (the detector clusters)",
             names.join(", ")
