@@ -133,7 +133,8 @@ impl GraspPlanner for External {
             })
             .collect::<Result<Vec<_>>>()?;
         log::info!(
-            "seed {}, look {}: {} grasps in {:.0} ms",
+            "{}: seed {}, look {}: {} grasps in {:.0} ms",
+            programs.command().name(),
             question.seed,
             question.look,
             grasps.len(),
