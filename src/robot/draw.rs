@@ -49,11 +49,8 @@ pub fn portrait(setup: &Setup, renderer: &mut dyn Renderer) -> Result<RgbImage> 
         for (from, direction) in VIEWS {
             let away = world_from_base * Vector3::from(direction).normalize();
             let eye = middle + away * distance;
-            let place = CameraPlace {
-                eye: Some(eye.into()),
-                target: Some(middle.into()),
-                ..CameraPlace::default()
-            };
+            let place =
+                CameraPlace { eye: Some(eye.into()), target: Some(middle.into()), ..CameraPlace::default() };
             let Some(camera) = place.in_room() else { continue };
             let rendering = renderer.render(view, lighting, &intrinsics, &camera)?;
             let mut picture = develop(&rendering.radiance, metered(&rendering.radiance));

@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use grip::robot;
 use grip::setup::{Setup, SetupOptions};
+use grip_sim::robot::{RobotConfig, RobotModel};
 use serde_json::Value;
 
 use crate::common::{code, grip, root, stderr, stdout};
@@ -39,8 +40,19 @@ fn with_packages(arguments: &[&str]) -> Option<std::process::Output> {
 fn packs(scene: &str) {
     let folder = tempfile::tempdir().unwrap();
     let run = folder.path().join("run");
-    let arguments =
-        ["pack", scene, "--estimator", "truth", "--seed", "6001", "--renderer", "cpu", "--json", "--out", text(&run)];
+    let arguments = [
+        "pack",
+        scene,
+        "--estimator",
+        "truth",
+        "--seed",
+        "6001",
+        "--renderer",
+        "cpu",
+        "--json",
+        "--out",
+        text(&run),
+    ];
     let Some(output) = with_packages(&arguments) else { return };
     assert!(code(&output) < 2, "{}", stderr(&output));
     let result: Value = serde_json::from_str(&stdout(&output)).unwrap();
@@ -64,11 +76,32 @@ fn a_ur5e_with_a_gripper_of_ours_packs_the_default_groceries() {
 }
 
 #[test]
+fn sampling_finds_the_pairs_that_the_makers_of_the_panda_give() {
+    let Some([share, _]) = packages() else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let urdf = share.join("example-robot-data/robots/panda_description/urdf/panda.urdf");
+    let text = std::fs::read_to_string(root().join("robots/panda/panda.toml")).unwrap();
+    let (without, _) = text.split_once("[self_collision]").unwrap();
+    let pairs = |text: &str| {
+        let path = folder.path().join("panda.toml");
+        std::fs::write(&path, text).unwrap();
+        let robot = RobotModel::load(&urdf, std::slice::from_ref(&share)).unwrap();
+        RobotConfig::load(&path, robot).unwrap().1.allowed_pairs().to_vec()
+    };
+    let of_srdf = pairs(&text);
+    assert!(of_srdf.len() > 30);
+    assert_eq!(pairs(without), of_srdf);
+}
+
+#[test]
 fn both_fit_their_scenes_and_are_drawn() {
     for scene in ["scenes/panda.toml", "scenes/ur5e.toml"] {
         let Some([share, python]) = packages() else { return };
-        let options =
-            SetupOptions { scene: root().join(scene), package_path: vec![share, python], ..SetupOptions::default() };
+        let options = SetupOptions {
+            scene: root().join(scene),
+            package_path: vec![share, python],
+            ..SetupOptions::default()
+        };
         let setup = Setup::open(&options).unwrap();
         let check = robot::check(&setup).unwrap();
         assert!(check.problems.is_empty(), "{scene}: {check:#?}");
@@ -81,9 +114,8 @@ fn both_fit_their_scenes_and_are_drawn() {
         let mut renderer = grip_sim::render::open(grip_sim::render::RendererChoice::Cpu).unwrap();
         let picture = robot::portrait(&setup, renderer.as_mut()).unwrap();
         // The pictures are of something.
-        let [low, high] = [0, 255].map(|end: u8| {
-            picture.pixels().map(|p| p[0].abs_diff(end)).min().unwrap_or(255)
-        });
+        let [low, high] =
+            [0, 255].map(|end: u8| picture.pixels().map(|p| p[0].abs_diff(end)).min().unwrap_or(255));
         assert!(low < 60 && high < 60, "{low} {high}");
     }
 }
@@ -94,21 +126,32 @@ fn a_file_is_guessed_from_a_urdf_and_what_a_scene_lacks_is_told() {
     let folder = tempfile::tempdir().unwrap();
     let panda = share.join("example-robot-data/robots/panda_description/urdf/panda.urdf");
     let config = folder.path().join("panda.toml");
-    let output =
-        with_packages(&["robot", "--robot", text(&panda), "--write-config", text(&config)]).unwrap();
+    let output = with_packages(&["robot", "--robot", text(&panda), "--write-config", text(&config)]).unwrap();
     assert_eq!(code(&output), 0, "{}", stderr(&output));
     let found = std::fs::read_to_string(&config).unwrap();
-    for line in ["gripper = [\"panda_finger_joint2\", \"panda_finger_joint1\"]", "opening = 0.08", "link = \"panda_hand\""] {
+    for line in [
+        "gripper = [\"panda_finger_joint1\", \"panda_finger_joint2\"]",
+        "opening = 0.08",
+        "link = \"panda_hand\"",
+    ] {
         assert!(found.contains(line), "{line}\n{found}");
     }
     // It holds in the Panda's scene.
-    let fits = ["robot", "--robot", text(&panda), "--robot-config", text(&config), "--check", "--scene", "scenes/panda.toml"];
+    let fits = [
+        "robot",
+        "--robot",
+        text(&panda),
+        "--robot-config",
+        text(&config),
+        "--check",
+        "--scene",
+        "scenes/panda.toml",
+    ];
     let output = with_packages(&fits).unwrap();
     assert!(code(&output) < 2, "{}", stderr(&output));
     assert!(stdout(&output).contains("ready"), "{}", stdout(&output));
     // In the Fetch's scene there is no camera for it.
-    let output =
-        with_packages(&["pack", "--robot", text(&panda), "--robot-config", text(&config)]).unwrap();
+    let output = with_packages(&["pack", "--robot", text(&panda), "--robot-config", text(&config)]).unwrap();
     assert_eq!(code(&output), 2);
     assert!(stderr(&output).contains("camera.place: is missing"), "{}", stderr(&output));
     // And a second file is not written over the first.

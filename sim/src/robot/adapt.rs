@@ -58,8 +58,7 @@ impl RobotModel {
         let link = self.link_index(&part.link).map_err(|error| format!("link: {error}"))?;
         let pose = isometry(&FrameFile { xyz: part.xyz, rpy: part.rpy })?;
         let urdf = self.locate(&part.urdf, folder)?;
-        let other = Self::load(&urdf, &self.package_paths)
-            .map_err(|error: Error| error.to_string())?;
+        let other = Self::load(&urdf, &self.package_paths).map_err(|error: Error| error.to_string())?;
         let (links, joints) = (self.links.len(), self.joints.len());
         for name in other.links.iter().map(|link| &link.name) {
             if self.links.iter().any(|link| link.name == *name) {
@@ -179,7 +178,11 @@ impl RobotModel {
         self.links.insert(
             at,
             Link {
-                parent_joint: Some(ParentJoint { name: format!("{name}_joint"), parent: link, moved_by: None }),
+                parent_joint: Some(ParentJoint {
+                    name: format!("{name}_joint"),
+                    parent: link,
+                    moved_by: None,
+                }),
                 name,
                 mass: 0.0,
                 inertia: nalgebra::Matrix3::zeros(),

@@ -231,7 +231,10 @@ fn check(
     let camera = file.camera.map(|camera| check_camera(camera, robot)).transpose()?;
     let head = match file.head {
         Some(_) if camera.is_none() => {
-            return Err("[head] points the robot's camera, but there is no [camera]; add it, or leave [head] out".into());
+            return Err(
+                "[head] points the robot's camera, but there is no [camera]; add it, or leave [head] out"
+                    .into(),
+            );
         }
         Some(HeadFile { pan, tilt }) => {
             Some(HeadConfig { pan: joint("head.pan", &pan)?, tilt: joint("head.tilt", &tilt)? })

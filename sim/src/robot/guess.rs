@@ -49,8 +49,7 @@ impl RobotModel {
                 .into());
         }
         let name = |joint: usize| format!("{:?}", self.joints[joint].name);
-        let names =
-            |joints: &[usize]| joints.iter().map(|&joint| name(joint)).collect::<Vec<_>>().join(", ");
+        let names = |joints: &[usize]| joints.iter().map(|&joint| name(joint)).collect::<Vec<_>>().join(", ");
         let mut text = format!(
             "# {}: guessed from its URDF. Check all of it against the maker's data, then by `grip robot --check`.\n# Metres, radians, \
              seconds, newtons.\n\n[groups]\narm = [{}]\n",
@@ -72,14 +71,21 @@ impl RobotModel {
         let (ready, down) = self.guessed_pose(&hand, &moving);
         line(String::new());
         line(
-            if down { "# The hand points down in front." } else { "# CHECK: no pose with the hand pointing down was found; the middle of the ranges." }
-                .to_owned(),
+            if down {
+                "# The hand points down in front."
+            } else {
+                "# CHECK: no pose with the hand pointing down was found; the middle of the ranges."
+            }
+            .to_owned(),
         );
         line("[poses.ready]".into());
         for &joint in &moving {
             line(format!("{} = {:.4}", name(joint), ready[joint]));
         }
-        line("\n# CHECK: the URDF's speeds, and accelerations that reach them in half a second.\n[limits]".into());
+        line(
+            "\n# CHECK: the URDF's speeds, and accelerations that reach them in half a second.\n[limits]"
+                .into(),
+        );
         let speed = |limit: f64| if limit.is_finite() && limit > 0.0 { limit } else { 1.0 };
         for &joint in &moving {
             let velocity = speed(self.joints[joint].limits.velocity);
@@ -120,11 +126,8 @@ impl RobotModel {
         );
         for pair in pairs::sampled(self) {
             let (a, b) = pair.links;
-            let _ = writeln!(
-                text,
-                "    [{:?}, {:?}], # {}",
-                self.links[a].name, self.links[b].name, pair.reason
-            );
+            let _ =
+                writeln!(text, "    [{:?}, {:?}], # {}", self.links[a].name, self.links[b].name, pair.reason);
         }
         text + "]"
     }
@@ -168,8 +171,7 @@ impl RobotModel {
             self.solids_below(finger).iter().flat_map(corners).map(|p| at * p).collect()
         };
         let all: Vec<Point3<f64>> = [right, left].into_iter().flat_map(inside).collect();
-        let middle =
-            all.iter().fold(Vector3::zeros(), |sum, p| sum + p.coords) / all.len().max(1) as f64;
+        let middle = all.iter().fold(Vector3::zeros(), |sum, p| sum + p.coords) / all.len().max(1) as f64;
         let out = middle - closing * middle.dot(&closing);
         // Along the axis of the link that it is nearest to: hands are drawn along one.
         let out = [Vector3::x(), Vector3::y(), Vector3::z()]
@@ -255,7 +257,8 @@ impl RobotModel {
                 if middle.is_finite() { middle } else { 0.0 }
             })
             .collect();
-        let reach: f64 = self.chain(hand.link).iter().map(|&link| self.steps[link].origin.translation.vector.norm()).sum();
+        let reach: f64 =
+            self.chain(hand.link).iter().map(|&link| self.steps[link].origin.translation.vector.norm()).sum();
         let mut random = rng::stream(0, "a pose with the hand pointing down");
         let down = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(
             Matrix3::from_columns(&[-Vector3::z(), Vector3::y(), Vector3::x()]),
@@ -284,7 +287,11 @@ impl RobotModel {
             let off = |joint: &usize| {
                 let limits = self.joints[*joint].limits;
                 let range = limits.upper - limits.lower;
-                if range.is_finite() { ((q[*joint] - middle[*joint]) / range).powi(2) } else { (q[*joint] / 7.0).powi(2) }
+                if range.is_finite() {
+                    ((q[*joint] - middle[*joint]) / range).powi(2)
+                } else {
+                    (q[*joint] / 7.0).powi(2)
+                }
             };
             let cost: f64 = moving.iter().map(off).sum();
             if best.as_ref().is_none_or(|(least, _)| cost < *least) && !self.touches_itself(&q) {

@@ -16,8 +16,7 @@ impl RobotConfig {
         let joints = [head.pan, head.tilt];
         // First by the geometry of a head at the pan axis, which is good to some degrees; then Newton on the two angles
         // at which the camera sees the point.
-        let neck =
-            robot.fk_link(&q, robot.joints()[head.pan].parent) * robot.joints()[head.pan].origin;
+        let neck = robot.fk_link(&q, robot.joints()[head.pan].parent) * robot.joints()[head.pan].origin;
         let seen = neck.inverse_transform_point(point);
         q[head.pan] = seen.y.atan2(seen.x);
         q[head.tilt] = (-seen.z).atan2(seen.x.hypot(seen.y));

@@ -213,7 +213,8 @@ fn the_head_turns_the_camera_to_a_point_as_far_as_it_can() {
     for point in [[0.45, 0.0, 0.75], [0.8, 0.4, 0.7], [0.6, -0.5, 1.2], [3.0, 1.0, 1.5]] {
         let point = Point3::from(point);
         let q = config.look_at(robot, &start, &point);
-        let seen = robot.fk_link(&q, config.camera.as_ref().unwrap().optical_link).inverse_transform_point(&point);
+        let seen =
+            robot.fk_link(&q, config.camera.as_ref().unwrap().optical_link).inverse_transform_point(&point);
         assert!(seen.x.hypot(seen.y) < 1e-6 * seen.z, "{seen}");
         for joint in 0..q.len() {
             let is_head = [config.head.unwrap().pan, config.head.unwrap().tilt].contains(&joint);

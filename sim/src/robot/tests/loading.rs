@@ -25,8 +25,7 @@ fn the_built_in_fetch_is_the_one_on_disk() {
     assert_eq!(built_in.loaded(), robot.loaded());
     assert_eq!(format!("{:?}", built_in.joints()), format!("{:?}", robot.joints()));
     assert!(format!("{:?}", built_in.links()) == format!("{:?}", robot.links()));
-    let (_, its_config) =
-        RobotConfig::load(&builtin_path("robots/fetch/fetch.toml"), built_in).unwrap();
+    let (_, its_config) = RobotConfig::load(&builtin_path("robots/fetch/fetch.toml"), built_in).unwrap();
     assert_eq!(format!("{its_config:?}"), format!("{config:?}"));
 }
 

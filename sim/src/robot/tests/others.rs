@@ -127,7 +127,11 @@ fn what_does_not_fit_is_told_with_its_field() {
         ("link = \"flange\"", "link = \"flanch\"", "attach[0]: link: robot arm: no link 'flanch'"),
         ("hand.urdf", "arm.urdf", "attach[0]: two links are called 'base'"),
         ("lower = -1.0", "lower = -3.0", "limits.pan: lower -3 and upper 1.5"),
-        ("xyz = [0.0, 0.0, 0.09]", "xyz = [0.0, 0.0, 0.12]", "gripper.frame: its origin must lie between the pads"),
+        (
+            "xyz = [0.0, 0.0, 0.09]",
+            "xyz = [0.0, 0.0, 0.12]",
+            "gripper.frame: its origin must lie between the pads",
+        ),
         ("[[-0.005, 0.0, 0.03], [0.005", "[[-0.008, 0.0, 0.03], [0.008", "the pads are 0.0060 m apart"),
         ("link = \"palm\"", "link = \"flange\"", "must be a prismatic joint on gripper.link 'flange'"),
         ("[gripper]", "[head]\npan = \"pan\"\ntilt = \"elbow\"\n[gripper]", "there is no [camera]"),
