@@ -194,6 +194,23 @@ impl File {
                 )?;
                 self.link_geoms(model, hand, LINK, physics.servo.link_friction, 3)?;
                 let poses = model.fk(q);
+                // Where the gripper's frame is one of its own, its body is that of the link that carries it.
+                if let Some(joint) = model.links()[hand]
+                    .parent_joint
+                    .as_ref()
+                    .filter(|joint| joint.moved_by.is_none() && model.links()[hand].collisions.is_empty())
+                {
+                    let palm = joint.parent;
+                    let at = poses[hand].inverse() * poses[palm];
+                    writeln!(
+                        self.bodies,
+                        "      <body name=\"{}\" {}>",
+                        escaped(&model.links()[palm].name),
+                        place(&at)
+                    )?;
+                    self.link_geoms(model, palm, LINK, physics.servo.link_friction, 4)?;
+                    writeln!(self.bodies, "      </body>")?;
+                }
                 let mut tree = Tree { model, config, physics, q, poses, actuators, fingers: &mut fingers };
                 for joint in config.gripper.fingers {
                     let joint = &model.joints()[joint];

@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use grip::robot;
 use grip::setup::{Setup, SetupOptions};
+use grip_sim::robot::{RobotConfig, RobotModel};
 use serde_json::Value;
 
 use crate::common::{code, grip, root, stderr, stdout};
@@ -75,6 +76,24 @@ fn a_ur5e_with_a_gripper_of_ours_packs_the_default_groceries() {
 }
 
 #[test]
+fn sampling_finds_the_pairs_that_the_makers_of_the_panda_give() {
+    let Some([share, _]) = packages() else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let urdf = share.join("example-robot-data/robots/panda_description/urdf/panda.urdf");
+    let text = std::fs::read_to_string(root().join("robots/panda/panda.toml")).unwrap();
+    let (without, _) = text.split_once("[self_collision]").unwrap();
+    let pairs = |text: &str| {
+        let path = folder.path().join("panda.toml");
+        std::fs::write(&path, text).unwrap();
+        let robot = RobotModel::load(&urdf, std::slice::from_ref(&share)).unwrap();
+        RobotConfig::load(&path, robot).unwrap().1.allowed_pairs().to_vec()
+    };
+    let of_srdf = pairs(&text);
+    assert!(of_srdf.len() > 30);
+    assert_eq!(pairs(without), of_srdf);
+}
+
+#[test]
 fn both_fit_their_scenes_and_are_drawn() {
     for scene in ["scenes/panda.toml", "scenes/ur5e.toml"] {
         let Some([share, python]) = packages() else { return };
@@ -111,7 +130,7 @@ fn a_file_is_guessed_from_a_urdf_and_what_a_scene_lacks_is_told() {
     assert_eq!(code(&output), 0, "{}", stderr(&output));
     let found = std::fs::read_to_string(&config).unwrap();
     for line in [
-        "gripper = [\"panda_finger_joint2\", \"panda_finger_joint1\"]",
+        "gripper = [\"panda_finger_joint1\", \"panda_finger_joint2\"]",
         "opening = 0.08",
         "link = \"panda_hand\"",
     ] {

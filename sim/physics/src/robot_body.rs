@@ -253,16 +253,7 @@ impl RobotBody {
         }
         let gripper_body = gripper_body.ok_or_else(|| flat_shape(&model, "the gripper link"))?;
         let fingers = [0, 1].map(|side| {
-            insert_finger(
-                physics,
-                &model,
-                gripper_body,
-                &link_poses,
-                finger_joints[side],
-                side,
-                config.limits[finger_joints[side]].velocity,
-                &settings.fingers,
-            )
+            insert_finger(physics, &model, config, gripper_body, &link_poses, side, &settings.fingers)
         });
         let [right, left] = fingers;
         let acceleration =
@@ -507,13 +498,13 @@ fn rounded(solid: SharedShape, edge: f32) -> SharedShape {
 fn insert_finger(
     physics: &mut PhysicsWorld,
     model: &RobotModel,
+    config: &RobotConfig,
     gripper_body: RigidBodyHandle,
     link_poses: &[Isometry3<f64>],
-    joint: usize,
     side: usize,
-    speed: f64,
     settings: &FingerSettings,
 ) -> Result<Finger> {
+    let joint = config.gripper.fingers[side];
     let data = &model.joints()[joint];
     let link = data.child;
     let pose = convert::pose(&link_poses[link]);
@@ -568,7 +559,7 @@ fn insert_finger(
         origin: data.origin,
         axis,
         pressing: data.axis.into_inner(),
-        speed,
+        speed: config.limits[joint].velocity,
         upper: data.limits.upper,
         brakes: Vec::new(),
     })
