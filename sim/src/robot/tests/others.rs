@@ -81,7 +81,8 @@ fn load(folder: &Path, config: &str) -> crate::Result<(RobotModel, RobotConfig)>
 /// A frame whose x is along z of the palm and whose y along its x.
 fn frame() -> String {
     // z out, x closing: columns z, x, y.
-    let axes = nalgebra::Matrix3::<f64>::from_columns(&[Vector3::z(), Vector3::x(), Vector3::y()]);
+    let axes: nalgebra::Matrix3<f64> =
+        nalgebra::Matrix3::from_columns(&[Vector3::z(), Vector3::x(), Vector3::y()]);
     let (roll, pitch, yaw) = nalgebra::Rotation3::from_matrix_unchecked(axes).euler_angles();
     CONFIG.replace(
         "rpy = [1.5707963267948966, 0.0, 1.5707963267948966]",
