@@ -133,7 +133,7 @@ fn what_does_not_fit_is_told_with_its_field() {
             "xyz = [0.0, 0.0, 0.12]",
             "gripper.frame: its origin must lie between the pads",
         ),
-        ("[[-0.005, 0.0, 0.03], [0.005", "[[-0.008, 0.0, 0.03], [0.008", "the pads are 0.0060 m apart"),
+        ("[[-0.005, 0.0, 0.03], [0.005", "[[-0.008, 0.0, 0.03], [0.008", "the pads are 0.0860 m apart"),
         ("link = \"palm\"", "link = \"flange\"", "must be a prismatic joint on gripper.link 'flange'"),
         ("[gripper]", "[head]\npan = \"pan\"\ntilt = \"elbow\"\n[gripper]", "there is no [camera]"),
         ("[gripper]", "[self_collision]\nsrdf = \"none.srdf\"\n[gripper]", "self_collision.srdf"),
