@@ -262,7 +262,11 @@ impl Run<'_> {
                 scene_id,
                 im_id,
                 obj_id,
-                score: belief.confidence,
+                // A program of others says it in its own scale.
+                score: match self.estimator {
+                    FrameEstimator::Ours(_) => belief.confidence,
+                    FrameEstimator::Program(_) => belief.score,
+                },
                 camera_from_object: belief.best,
                 time_s: Some(seconds),
             };

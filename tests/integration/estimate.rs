@@ -89,7 +89,7 @@ fn poses_are_the_same_on_any_number_of_threads_and_after_a_stop_and_their_errors
     let half: Vec<&str> = lines.lines().skip(1).collect();
     let first = half.iter().filter(|line| line.starts_with("1,0,")).copied().collect::<Vec<_>>().join("\n");
     let settings = format!("# {}", summary["settings"]);
-    std::fs::write(&partial, format!("{settings}\n{first}\n1,1,5,0.3")).unwrap();
+    std::fs::write(&partial, format!("{settings}\n{first}\n# whole 1 0\n1,1,5,0.3")).unwrap();
     let output = estimate(&two, &["--resume", "--json"]);
     assert_eq!(code(&output), 0, "{}", stderr(&output));
     let resumed: serde_json::Value = serde_json::from_str(&stdout(&output)).unwrap();
@@ -217,7 +217,7 @@ fn a_scene_is_tracked_as_a_whole(set: &Path, one: &Path) {
     let first: String =
         text.lines().filter(|line| line.starts_with("1,0,")).map(|line| format!("{line}\n")).collect();
     let partial = folder.join("track2.csv.partial");
-    std::fs::write(&partial, format!("# {}\n{first}", summary["settings"])).unwrap();
+    std::fs::write(&partial, format!("# {}\n{first}# whole 1 0\n", summary["settings"])).unwrap();
     let output = run(&again, &["--resume"]);
     assert_eq!(code(&output), 0, "{}", stderr(&output));
     let resumed: serde_json::Value = serde_json::from_str(&stdout(&output)).unwrap();
@@ -272,9 +272,22 @@ fn posteriors_are_written_and_held_against_the_truth(set: &Path, one: &Path) {
     // A stopped run: one image whole in both files, of the other the posteriors are cut off.
     let header = format!("# {}\n", summary["settings"]);
     let csv = std::fs::read_to_string(&results).unwrap();
-    let of_csv: String = csv.lines().skip(1).map(|line| format!("{line}\n")).collect();
+    let marked = |lines: &[&str], begins: [&str; 2]| -> String {
+        let of = |image: usize| {
+            let of_image: String = lines
+                .iter()
+                .filter(|line| line.starts_with(begins[image]))
+                .map(|line| format!("{line}\n"))
+                .collect();
+            of_image + &format!("# whole 1 {image}\n")
+        };
+        of(0) + &of(1)
+    };
+    let of_csv = marked(&csv.lines().collect::<Vec<_>>(), ["1,0,", "1,1,"]);
+    let begins = ["{\"scene_id\":1,\"im_id\":0,", "{\"scene_id\":1,\"im_id\":1,"];
+    let of_jsonl = marked(&text.lines().collect::<Vec<_>>(), begins);
     std::fs::write(folder.join("p.csv.partial"), header.clone() + &of_csv).unwrap();
-    std::fs::write(folder.join("p.jsonl.partial"), header + &text[..text.len() - 40]).unwrap();
+    std::fs::write(folder.join("p.jsonl.partial"), header + &of_jsonl[..of_jsonl.len() - 60]).unwrap();
     let resumed = run(&["--resume"]);
     assert_eq!((&resumed["images"], &resumed["kept"]), (&1.into(), &1.into()));
     assert_eq!(std::fs::read_to_string(&posteriors).unwrap(), text);

@@ -379,18 +379,18 @@ fn a_sensed_scene_is_not_planned_in_as_if_it_were_empty() {
 #[test]
 fn places_of_objects_that_cannot_be_are_said_at_once() {
     let folder = tempfile::tempdir().unwrap();
-    // A can on a box: what is spread out must not touch.
-    let place = |(name, z): (&str, f64)| {
+    // A can on a box may be; one over the table's edge falls.
+    let place = |(name, x, z): (&str, f64, f64)| {
         format!(
             "[[objects.placed]]\nname = \"{name}\"\n\
-             pose = {{ translation = [0.62, 0.2, {z}], quaternion = [1.0, 0.0, 0.0, 0.0] }}\n"
+             pose = {{ translation = [{x}, 0.2, {z}], quaternion = [1.0, 0.0, 0.0, 0.0] }}\n"
         )
     };
     let scene = edited_scene(folder.path(), |text| {
         let (head, _) = text.split_once("names = [").unwrap();
         let (_, tail) = text.split_once("names = [").unwrap().1.split_once(']').unwrap();
         let names = ["003_cracker_box", "005_tomato_soup_can"];
-        let placed = [(names[0], 0.765), (names[1], 0.93)].map(place).concat();
+        let placed = [(names[0], 0.62, 0.765), (names[1], 0.935, 0.705)].map(place).concat();
         format!("{head}names = {names:?}{tail}\n{placed}")
     });
     let output =

@@ -4,6 +4,7 @@ use std::path::Path;
 use std::process::Command;
 
 use crate::common::{has_python, root};
+use crate::robots::packages;
 
 /// Less of the same, so that a test ends.
 const SMALLER: [(&str, &str); 3] = [
@@ -33,7 +34,8 @@ fn run(folder: &Path, commands: &[String]) {
             .chain(std::env::split_paths(&std::env::var_os("PATH").unwrap())),
     )
     .unwrap();
-    for line in commands {
+    // Packages are there, or are not to be had.
+    for line in commands.iter().filter(|line| !line.starts_with("pip ")) {
         let mut smaller = line.clone();
         SMALLER.iter().for_each(|(all, few)| smaller = smaller.replace(all, few));
         let output =
@@ -51,7 +53,7 @@ fn run_task(title: &str, made: &[&str]) {
     }
     let (_, commands) = tasks().into_iter().find(|(of, _)| of.contains(title)).unwrap();
     let folder = tempfile::tempdir().unwrap();
-    for name in ["examples", "robots", "scenes"] {
+    for name in ["examples", "robots", "scenes", "target"] {
         std::os::unix::fs::symlink(root().join(name), folder.path().join(name)).unwrap();
     }
     run(folder.path(), &commands);
@@ -81,7 +83,14 @@ fn success_is_measured_against_error_of_an_object_of_ones_own() {
 
 #[test]
 fn images_are_made_with_a_camera_of_ones_own() {
-    run_task("images with my camera", &["runs/images/train_pbr/000001/rgb/000000.jpg"]);
+    run_task("images with my camera", &["runs/images/train_pbr/000001/scene_gt.json"]);
+}
+
+#[test]
+fn a_panda_packs() {
+    if packages().is_some() {
+        run_task("A Panda", &["runs/panda-packed/result.json", "runs/panda/trials.jsonl"]);
+    }
 }
 
 #[test]

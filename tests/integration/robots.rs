@@ -11,7 +11,7 @@ use crate::common::{code, grip, root, stderr, stdout};
 
 /// Where `.ci/run` puts Python packages: `package://` is looked up in both.
 #[allow(clippy::print_stdout, reason = "tests")]
-fn packages() -> Option<[PathBuf; 2]> {
+pub fn packages() -> Option<[PathBuf; 2]> {
     let python = root().join("target/python");
     let share = python.join("cmeel.prefix/share");
     let there = share.join("example-robot-data").is_dir() && python.join("airo_models").is_dir();
