@@ -58,7 +58,7 @@ fn packs(scene: &str) {
     let result: Value = serde_json::from_str(&stdout(&output)).unwrap();
     assert_eq!(result["requested"], 5, "{result:#}");
     assert!(result["packed"].as_u64().unwrap() >= 4, "{result:#}");
-    assert_eq!(result["motion"]["collisions"].as_array().map(Vec::len), Some(0), "{result:#}");
+    assert_eq!(result["motion_check"]["collisions"].as_array().map(Vec::len), Some(0), "{result:#}");
     let scenario: Value =
         serde_json::from_str(&std::fs::read_to_string(run.join("scenario.json")).unwrap()).unwrap();
     let config = scenario["robot"]["config"].as_str().unwrap();
