@@ -68,7 +68,7 @@ struct RunDescription<'a> {
 /// Who estimates.
 enum Opened {
     Ours(Box<dyn PoseEstimator>),
-    Program(External),
+    Program(Box<External>),
 }
 
 /// Writes the results file.
@@ -100,7 +100,7 @@ pub fn run(args: &EstimateArgs) -> Result<Done> {
             let models = asked_models(&dataset, args.absent as usize, args.seed)?;
             let program = External::for_images(command, settings.trial.estimator_timeout_s, models)?;
             let description = program.description();
-            (Opened::Program(program), description)
+            (Opened::Program(Box::new(program)), description)
         }
         (other, _) => anyhow::bail!(
             "--estimator {}: has nothing to say of a data set; give grip, paper, paper-guarded or cmd:PROGRAM (grip eval \

@@ -336,12 +336,11 @@ fn view(text: &str, folder: &Path) -> Result<View> {
     Ok(View { name: name.to_owned(), condition, camera: None, of: name.to_owned() })
 }
 
+/// Where cameras are.
+type CameraPoses = Vec<Pose<World, Camera>>;
+
 /// The frames of all cameras that take pictures, those of one kind together, and where these cameras are.
-fn seen_by_cameras(
-    views: Vec<View>,
-    camera: CameraPlace,
-    setup: &Setup,
-) -> Result<(Vec<View>, Vec<Pose<World, Camera>>)> {
+fn seen_by_cameras(views: Vec<View>, camera: CameraPlace, setup: &Setup) -> Result<(Vec<View>, CameraPoses)> {
     let Setup { cell, .. } = setup;
     let mut poses = vec![cell.world_from_camera(&cell.start)];
     if camera != CameraPlace::All {
