@@ -143,7 +143,7 @@ fn poses_are_the_same_on_any_number_of_threads_and_after_a_stop_and_their_errors
     }
     let output = estimate(&gpu, &["--hypotheses", "gpu", "--estimator", "paper"]);
     assert_eq!(code(&output), 2);
-    assert!(stderr(&output).contains("--hypotheses gpu: the paper's filter"), "{}", stderr(&output));
+    assert!(stderr(&output).contains("--hypotheses gpu: is for --estimator grip"), "{}", stderr(&output));
 
     // The paper's filter, by other settings than the published ones.
     let paper = |text: &str, jobs: &str, out: &str| {
