@@ -91,9 +91,6 @@ const LEAST_ROOM: f64 = 0.006;
 /// Half of the length of the pads that the depths of grasps are meant for, metres.
 const PAD_HALF_LENGTH: f64 = 0.030;
 
-/// Most that solids may lie behind the looks of an object, both sides together, where small pads grasp it, metres.
-const LOOKS_AND_SOLIDS: f64 = 0.004;
-
 /// The settings for a gripper that opens less, or has shorter pads, than those that they are meant for.
 fn fitted(settings: &AntipodalSettings, gripper: &GripperConfig) -> AntipodalSettings {
     let shorter = (gripper.pad_half_extents.x / PAD_HALF_LENGTH).min(1.0);
@@ -157,11 +154,6 @@ pub fn grasp_at(
     let opening = narrow_opening(coarse.width, gripper, settings).max(opening);
     let contact = pad_contact(surface, pad, pose, opening, RayGrid::Fine).filter(|c| holds(c) && fits(c))?;
     let pose = centred(&contact);
-    // Small pads reach into recesses of the looks, such as behind a can's rim, that the solids do not have: where the fingers could close
-    // well beyond the contact, physics and planner would not agree on it.
-    if pad.x < PAD_HALF_LENGTH && hand_fits(&pose, contact.width - LOOKS_AND_SOLIDS) {
-        return None;
-    }
     Some(GraspCandidate::new(pose, &contact, clear(hand_fits, &pose, gripper.opening)))
 }
 
