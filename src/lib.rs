@@ -37,6 +37,7 @@
 //! | [`benchmark`] | poses of any BOP data set, estimated and measured |
 //! | [`robot`] | whether a robot fits its cell, and how it looks |
 //! | [`explain`], [`plot`], [`pictures`] | pictures and figures |
+//! | `commands` | the command `grip`, with the feature `cli` |
 //! | [`run_dir`], [`workers`], [`progress`], [`assets`] | folders that exist whole or not at all, threads, progress, files that ship with the program |
 //!
 //! Below it: `grip_sim` (objects, robot, scenes, cameras), `grip_physics` (the world, which alone knows the truth),
@@ -48,6 +49,10 @@
 pub mod assets;
 pub mod benchmark;
 pub mod cell;
+#[cfg(feature = "cli")]
+mod cli;
+#[cfg(feature = "cli")]
+pub mod commands;
 pub mod dataset;
 pub mod estimators;
 pub mod experiment;

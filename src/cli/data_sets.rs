@@ -2,9 +2,9 @@
 
 use std::path::PathBuf;
 
+use crate::dataset::DatasetOptions;
+use crate::estimators::{EstimatorKind, NetworkChoice, NetworkOptions, SecondStage};
 use clap::{Args, ValueEnum};
-use grip::dataset::DatasetOptions;
-use grip::estimators::{EstimatorKind, NetworkChoice, NetworkOptions, SecondStage};
 use grip_perception::Providers;
 
 use super::{Hypotheses, SceneArgs, SettingsFile, is_table};
@@ -113,13 +113,13 @@ impl ScenesArgs {
                 .collect(),
             views: self.views.clone(),
             camera: match self.camera {
-                CameraPlace::Head => grip::dataset::CameraPlace::Head,
-                CameraPlace::All => grip::dataset::CameraPlace::All,
-                CameraPlace::Sphere => grip::dataset::CameraPlace::Sphere,
+                CameraPlace::Head => crate::dataset::CameraPlace::Head,
+                CameraPlace::All => crate::dataset::CameraPlace::All,
+                CameraPlace::Sphere => crate::dataset::CameraPlace::Sphere,
             },
             profile: match self.profile {
-                Profile::Standard => grip::dataset::Profile::Standard,
-                Profile::Hard => grip::dataset::Profile::Hard,
+                Profile::Standard => crate::dataset::Profile::Standard,
+                Profile::Hard => crate::dataset::Profile::Hard,
             },
             shiny: self.shiny,
             depth_noise: self.depth_noise.clone(),

@@ -5,15 +5,15 @@ use std::path::PathBuf;
 use std::str::FromStr;
 use std::sync::Arc;
 
+use crate::estimators::EstimatorKind;
+use crate::experiment::plan::{Shard, TrialsOptions};
+use crate::experiment::sweep::errors::Axis;
+use crate::experiment::sweep::{ErrorPattern, SweepOptions};
+use crate::graspers::GrasperKind;
+use crate::setup::{GROCERY, SetupOptions};
 use anyhow::{Context, Result, bail, ensure};
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use clap::{Args, ValueEnum};
-use grip::estimators::EstimatorKind;
-use grip::experiment::plan::{Shard, TrialsOptions};
-use grip::experiment::sweep::errors::Axis;
-use grip::experiment::sweep::{ErrorPattern, SweepOptions};
-use grip::graspers::GrasperKind;
-use grip::setup::{GROCERY, SetupOptions};
 use grip_sim::camera::Intrinsics;
 
 use super::{Detector, DetectorArgs, ObjectTables, Renderer, RobotFile, SettingsFile};
@@ -239,14 +239,14 @@ impl SweepArgs {
             samples: self.samples,
             seeds: self.seeds,
             strategy: match self.grasp {
-                Strategy::Planned => grip::experiment::sweep::Strategy::Planned,
-                Strategy::Fixed => grip::experiment::sweep::Strategy::Fixed,
+                Strategy::Planned => crate::experiment::sweep::Strategy::Planned,
+                Strategy::Fixed => crate::experiment::sweep::Strategy::Fixed,
             },
             friction: self.friction,
             force_n: self.force,
             motions: self.motions,
             setup: SetupOptions {
-                scene: self.scene.clone().unwrap_or_else(|| grip::assets::find(GROCERY)),
+                scene: self.scene.clone().unwrap_or_else(|| crate::assets::find(GROCERY)),
                 seed: self.seed,
                 ycb: self.ycb.clone(),
                 tables: self.tables.tables.clone(),

@@ -3,18 +3,19 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use crate::estimators::{DetectorKind, EstimatorKind};
+use crate::graspers::GrasperKind;
+use crate::settings::Settings;
+use crate::setup::SetupOptions;
 use anyhow::{Context, Result};
 use clap::{Args, Parser, Subcommand, ValueEnum};
-use grip::estimators::{DetectorKind, EstimatorKind};
-use grip::graspers::GrasperKind;
-use grip::settings::Settings;
-use grip::setup::SetupOptions;
 use grip_sim::camera::Intrinsics;
 use grip_sim::robot::{RobotConfig, RobotModel};
 
 mod data_sets;
 mod experiments;
 mod objects;
+pub mod options;
 
 pub use data_sets::{
     ConvergenceArgs, DetectArgs, DetectorArgs, EstimateArgs, EvalArgs, ExplainArgs, ScenesArgs, SearchChoice,
@@ -107,7 +108,7 @@ impl SceneArgs {
     /// What the library makes a setup of; `scene` is the file where none is named.
     pub fn options(&self, scene: &str, condition: &str) -> Result<SetupOptions> {
         Ok(SetupOptions {
-            scene: self.scene.clone().unwrap_or_else(|| grip::assets::find(scene)),
+            scene: self.scene.clone().unwrap_or_else(|| crate::assets::find(scene)),
             condition: condition.to_owned(),
             seed: self.seed,
             ycb: self.ycb.clone(),
@@ -213,7 +214,7 @@ impl RobotFile {
 
     /// The URDF's path, and the robot in it, whichever it is.
     pub fn model(&self) -> Result<(PathBuf, RobotModel)> {
-        let urdf = self.robot.clone().unwrap_or_else(|| grip::assets::find("robots/fetch/fetch.urdf"));
+        let urdf = self.robot.clone().unwrap_or_else(|| crate::assets::find("robots/fetch/fetch.urdf"));
         let robot = RobotModel::load(&urdf, &self.package_path)?;
         Ok((urdf, robot))
     }
@@ -221,7 +222,7 @@ impl RobotFile {
     /// A robot with its settings, which are the Fetch's where none are named.
     pub fn configured(&self, urdf: &Path, robot: RobotModel) -> Result<(RobotModel, RobotConfig)> {
         let Some(config) = &self.robot_config else {
-            return RobotConfig::load(&grip::assets::find("robots/fetch/fetch.toml"), robot).with_context(|| {
+            return RobotConfig::load(&crate::assets::find("robots/fetch/fetch.toml"), robot).with_context(|| {
                 format!(
                     "{}: does not fit the Fetch's settings; give its own by --robot-config (robots/README.md)",
                     urdf.display()

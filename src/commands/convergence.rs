@@ -2,11 +2,11 @@
 
 use std::path::Path;
 
+use crate::benchmark::{Boxes, Contender, Convergence, Search, SearchSummary, Searches, for_dataset};
+use crate::estimators::SecondStage;
+use crate::plot;
+use crate::settings::Settings;
 use anyhow::{Context, Result};
-use grip::benchmark::{Boxes, Contender, Convergence, Search, SearchSummary, Searches, for_dataset};
-use grip::estimators::SecondStage;
-use grip::plot;
-use grip::settings::Settings;
 use grip_perception::HypothesisRenderer;
 use grip_sim::bop::Dataset;
 use schemars::JsonSchema;

@@ -16,10 +16,10 @@ use serde::Serialize;
 
 use super::Done;
 use super::output::{self, Bar};
+use crate::benchmark::{DetectionFigures, FileBox, MOST_BOXES, ObjectImage, measure, truth_boxes, views};
 use crate::cli::DetectArgs;
-use grip::benchmark::{DetectionFigures, FileBox, MOST_BOXES, ObjectImage, measure, truth_boxes, views};
-use grip::progress::Progress;
-use grip::{pictures, plot};
+use crate::progress::Progress;
+use crate::{pictures, plot};
 
 /// Detects.
 pub fn run(args: &DetectArgs) -> Result<Done> {
@@ -211,7 +211,7 @@ type Class = (usize, Arc<ObjectModel>);
 fn classes(network: &PyramidCnn, dataset: &Dataset) -> Result<Vec<Class>> {
     let mut classes = Vec::new();
     for id in dataset.model_ids()? {
-        let object = grip::benchmark::load_object(dataset, id)?;
+        let object = crate::benchmark::load_object(dataset, id)?;
         classes.push((network.class_of(&object)?, object));
     }
     Ok(classes)

@@ -3,10 +3,10 @@
 use std::path::Path;
 use std::time::Instant;
 
+use crate::benchmark::{Boxes, Estimated, FrameEstimator, Run, asked_models, for_dataset};
+use crate::estimators::{EstimatorKind, External, Perception, SecondStage};
+use crate::workers;
 use anyhow::Result;
-use grip::benchmark::{Boxes, Estimated, FrameEstimator, Run, asked_models, for_dataset};
-use grip::estimators::{EstimatorKind, External, Perception, SecondStage};
-use grip::workers;
 use grip_perception::{HypothesisRenderer, PoseEstimator};
 use grip_sim::bop::Dataset;
 use schemars::JsonSchema;

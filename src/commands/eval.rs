@@ -12,12 +12,12 @@ use serde_json::Value;
 
 use super::Done;
 use super::output;
-use crate::cli::EvalArgs;
-use grip::benchmark::{
+use crate::benchmark::{
     Area, Case, Credibilities, Credibility, Evaluation, Figures, Lacking, METHODS, PaperTable, Presence,
     Recall, accuracy_figure, credibility, evaluate,
 };
-use grip::plot;
+use crate::cli::EvalArgs;
+use crate::plot;
 
 /// Version of what `--json` prints.
 pub const SCHEMA: &str = "grip.eval/1";
@@ -97,7 +97,7 @@ pub fn run(args: &EvalArgs) -> Result<Done> {
                 dataset: &args.dataset,
                 split: dataset.split(),
                 results,
-                thresholds_m: grip::benchmark::THRESHOLDS,
+                thresholds_m: crate::benchmark::THRESHOLDS,
                 evaluation: &evaluation,
                 paper: paper.as_ref(),
                 credibility: credibility.as_ref(),

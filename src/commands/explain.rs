@@ -11,8 +11,8 @@ use serde::Serialize;
 use super::Done;
 use super::output;
 use crate::cli::ExplainArgs;
-use grip::explain::{Explained, Explanation, INLIER_M, LEAST_SCORE, Shares};
-use grip::{pictures, plot};
+use crate::explain::{Explained, Explanation, INLIER_M, LEAST_SCORE, Shares};
+use crate::{pictures, plot};
 
 /// Version of what `--json` prints.
 pub const SCHEMA: &str = "grip.explain/1";

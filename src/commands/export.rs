@@ -1,8 +1,8 @@
 //! `grip export`: a settled scene as another program reads it.
 
+use crate::mjcf::{self, Cylinders, Robot};
+use crate::setup::{GROCERY, Setup};
 use anyhow::{Context, Result};
-use grip::mjcf::{self, Cylinders, Robot};
-use grip::setup::{GROCERY, Setup};
 
 use super::Done;
 use super::output;

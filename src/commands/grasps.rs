@@ -10,8 +10,8 @@ use grip_manip::grasp::GraspSet;
 use super::Done;
 use super::output;
 use crate::cli::GraspsArgs;
-use grip::run_dir::RunDir;
-use grip::setup;
+use crate::run_dir::RunDir;
+use crate::setup;
 
 /// Finds the grasps, saves a file an object where `--out` says, prints how many there are.
 pub fn run(args: &GraspsArgs) -> Result<Done> {

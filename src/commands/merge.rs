@@ -5,8 +5,8 @@ use anyhow::Result;
 use super::output;
 use super::{Done, trials};
 use crate::cli::MergeArgs;
-use grip::experiment::merge::{Merged, merge};
-use grip::experiment::plan::{expected, read_manifest};
+use crate::experiment::merge::{Merged, merge};
+use crate::experiment::plan::{expected, read_manifest};
 
 /// Merges, prints the figures of the whole.
 pub fn run(args: &MergeArgs) -> Result<Done> {

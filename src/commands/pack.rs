@@ -2,15 +2,15 @@
 
 use std::path::PathBuf;
 
+use crate::estimators::{DetectorKind, Estimator, EstimatorKind};
+use crate::graspers::{GRIP, Grasper, GrasperKind};
+use crate::pictures;
+use crate::run_dir::RunDir;
+use crate::score::outcome::TrialResult;
+use crate::settings::SuccessCriteria;
+use crate::setup::{GROCERY, Setup};
+use crate::trial::{self, Pictures, TrialOptions, TrialRecord, bop, film, report};
 use anyhow::{Result, ensure};
-use grip::estimators::{DetectorKind, Estimator, EstimatorKind};
-use grip::graspers::{GRIP, Grasper, GrasperKind};
-use grip::pictures;
-use grip::run_dir::RunDir;
-use grip::score::outcome::TrialResult;
-use grip::settings::SuccessCriteria;
-use grip::setup::{GROCERY, Setup};
-use grip::trial::{self, Pictures, TrialOptions, TrialRecord, bop, film, report};
 use grip_perception::HypothesisRenderer;
 use grip_sim::objects::ObjectSet;
 use grip_sim::render;

@@ -12,9 +12,9 @@ use serde::Serialize;
 
 use super::Done;
 use super::output::{self, Bar};
+use crate::benchmark::quantile;
 use crate::cli::PlanArgs;
-use grip::benchmark::quantile;
-use grip::progress::Progress;
+use crate::progress::Progress;
 
 /// Version of what `--json` prints.
 pub const SCHEMA: &str = "grip.plan/1";

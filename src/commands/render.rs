@@ -8,9 +8,9 @@ use serde::Serialize;
 use super::Done;
 use super::output;
 use crate::cli::RenderArgs;
-use grip::pictures;
-use grip::run_dir::RunDir;
-use grip::setup::{GROCERY, Setup};
+use crate::pictures;
+use crate::run_dir::RunDir;
+use crate::setup::{GROCERY, Setup};
 
 /// Version of camera.json.
 pub const SCHEMA: &str = "grip.camera/1";

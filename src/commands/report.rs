@@ -6,7 +6,7 @@ use grip_sim::bop;
 use super::Done;
 use super::output;
 use crate::cli::ReportArgs;
-use grip::experiment::report::{Sources, html, tables};
+use crate::experiment::report::{Sources, html, tables};
 
 /// Reads, draws, writes.
 pub fn run(args: &ReportArgs) -> Result<Done> {

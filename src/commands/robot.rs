@@ -2,10 +2,10 @@
 
 use std::path::Path;
 
+use crate::robot::{RobotCheck, check, portrait};
+use crate::setup::{GROCERY, Setup, SetupOptions};
+use crate::{assets, pictures};
 use anyhow::{Context, Result, anyhow, ensure};
-use grip::robot::{RobotCheck, check, portrait};
-use grip::setup::{GROCERY, Setup, SetupOptions};
-use grip::{assets, pictures};
 use grip_sim::render::{self, RendererChoice};
 use schemars::JsonSchema;
 use serde::Serialize;

@@ -12,9 +12,9 @@ use serde::Serialize;
 use super::Done;
 use super::output::{self, Bar};
 use crate::cli::ScenesArgs;
-use grip::dataset::{self, Made, Plan, preview};
-use grip::setup::{ADVERSARIAL, Setup};
-use grip::{pictures, workers};
+use crate::dataset::{self, Made, Plan, preview};
+use crate::setup::{ADVERSARIAL, Setup};
+use crate::{pictures, workers};
 
 /// Version of what `--json` prints.
 pub const SCHEMA: &str = "grip.scenes/1";

@@ -1,16 +1,16 @@
 //! JSON Schemas of the files that are read and written, from the types that read and write them.
 
-use grip::benchmark::{FileBox, PosteriorLine};
-use grip::dataset;
-use grip::estimators::external::protocol::{Reply, Request};
-use grip::experiment::plan::{self, ExperimentFile};
-use grip::experiment::sweep::{self, GraspLine, SweepFile};
-use grip::experiment::trials::{LeftOut, TimingLine};
-use grip::graspers::protocol as graspers;
-use grip::object_report::{self, ObjectReport};
-use grip::scenario::{self, ScenarioFile};
-use grip::score::outcome::{TRIAL_SCHEMA, TrialResult};
-use grip::settings::Settings;
+use crate::benchmark::{FileBox, PosteriorLine};
+use crate::dataset;
+use crate::estimators::external::protocol::{Reply, Request};
+use crate::experiment::plan::{self, ExperimentFile};
+use crate::experiment::sweep::{self, GraspLine, SweepFile};
+use crate::experiment::trials::{LeftOut, TimingLine};
+use crate::graspers::protocol as graspers;
+use crate::object_report::{self, ObjectReport};
+use crate::scenario::{self, ScenarioFile};
+use crate::score::outcome::{TRIAL_SCHEMA, TrialResult};
+use crate::settings::Settings;
 use grip_manip::grasp::GraspFile;
 use grip_perception::DetectorDescription;
 use grip_sim::bop;
@@ -134,8 +134,7 @@ mod tests {
                 (name, std::fs::read_to_string(&path).unwrap())
             })
             .collect();
-        let how =
-            "run `GRIP_UPDATE_DOCS=1 cargo test --release --bin grip schemas` and commit what it writes";
+        let how = "run `GRIP_UPDATE_DOCS=1 cargo test --release --lib schemas` and commit what it writes";
         assert!(wanted.keys().eq(found.keys()), "docs/schemas has other files: {how}");
         for (name, text) in &wanted {
             assert_eq!(text, &found[name], "docs/schemas/{name}: {how}");

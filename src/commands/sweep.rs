@@ -9,10 +9,10 @@ use serde::Serialize;
 use super::Done;
 use super::output::{self, Bar};
 use crate::cli::SweepArgs;
-use grip::experiment::sweep::errors::Axis;
-use grip::experiment::sweep::fits::{Fall, ObjectResult, results};
-use grip::experiment::sweep::{GraspLine, Sweep};
-use grip::workers;
+use crate::experiment::sweep::errors::Axis;
+use crate::experiment::sweep::fits::{Fall, ObjectResult, results};
+use crate::experiment::sweep::{GraspLine, Sweep};
+use crate::workers;
 
 /// Version of what `--json` prints.
 pub const SUMMARY_SCHEMA: &str = "grip.sweep.summary/1";

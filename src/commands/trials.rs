@@ -10,13 +10,13 @@ use serde::Serialize;
 use super::Done;
 use super::output::{self, Bar};
 use crate::cli::TrialsArgs;
-use grip::experiment::items;
-use grip::experiment::plan::Plan;
-use grip::experiment::report::p_value;
-use grip::experiment::summary::{Cell, Pairs, cells, pairs};
-use grip::experiment::trials::{self, LeftOut, Ran};
-use grip::score::outcome::TrialResult;
-use grip::workers;
+use crate::experiment::items;
+use crate::experiment::plan::Plan;
+use crate::experiment::report::p_value;
+use crate::experiment::summary::{Cell, Pairs, cells, pairs};
+use crate::experiment::trials::{self, LeftOut, Ran};
+use crate::score::outcome::TrialResult;
+use crate::workers;
 
 /// Version of what `--json` prints.
 pub const SUMMARY_SCHEMA: &str = "grip.experiment.summary/1";

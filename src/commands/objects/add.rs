@@ -3,9 +3,9 @@
 use std::path::{Component, Path, PathBuf};
 use std::sync::Arc;
 
+use crate::assets;
+use crate::object_report::ObjectReport;
 use anyhow::{Context, Result, ensure};
-use grip::assets;
-use grip::object_report::ObjectReport;
 use grip_manip::Planner;
 use grip_sim::objects::own::OwnMesh;
 use grip_sim::objects::table::{self, ObjectRow};

@@ -10,7 +10,7 @@ use serde::Serialize;
 use super::Done;
 use super::output;
 use crate::cli::{ObjectsArgs, ObjectsCommand, ObjectsListArgs};
-use grip::setup;
+use crate::setup;
 
 /// Version of what `--json` prints.
 pub const SCHEMA: &str = "grip.objects/1";
