@@ -61,6 +61,11 @@ impl<T: Clone> Image<T> {
         &self.data
     }
 
+    /// All pixels, row after row, without the image.
+    pub fn into_data(self) -> Vec<T> {
+        self.data
+    }
+
     /// All pixels, row after row, to be changed.
     pub fn data_mut(&mut self) -> &mut [T] {
         &mut self.data

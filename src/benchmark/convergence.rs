@@ -13,7 +13,7 @@ use super::boxes::Boxes;
 use super::estimates::{camera_frame, image_seed, targets};
 use super::objects;
 use crate::plot::{Axis, Curve, Figure, Panel};
-use crate::progress::Progress;
+use crate::progress::{Interrupted, Progress};
 
 /// What of a point is drawn.
 type Quantity = fn(&Measured) -> f64;
@@ -105,6 +105,7 @@ impl Searches<'_> {
             let of_image = image_seed(seed, self.image);
             let detections = self.boxes.of(&bop, &frame, &all, of_image)?;
             for (estimator, contender) in contenders.iter().enumerate() {
+                anyhow::ensure!(!progress.cancelled(), Interrupted);
                 let beliefs = contender.estimator.estimate(&frame, &detections, &searched, of_image)?;
                 for (model, belief) in searched.iter().zip(beliefs) {
                     let obj_id = model.info.bop_id;

@@ -154,13 +154,13 @@ impl Run<'_> {
         let shared = Mutex::new((files, &mut done, &mut summary));
         let next = AtomicUsize::new(0);
         let threads = self.jobs.clamp(1, missing.len().max(1));
-        workers::run(threads, |stop| {
+        workers::run(threads, progress, |stop| {
             // A pool of its own, or its threads would do parts of other images while the clock of this one runs.
             let pool = ThreadPoolBuilder::new().num_threads(self.jobs.div_ceil(threads)).build()?;
             while let Some(sequence) = missing.get(next.fetch_add(1, Ordering::Relaxed)) {
                 let mut last = Last::default();
                 for &(image, wanted) in *sequence {
-                    if stop.load(Ordering::Relaxed) {
+                    if stop.is_asked_for() {
                         return Ok(());
                     }
                     let which = || format!("scene {}, image {}", image.0, image.1);

@@ -16,6 +16,8 @@ mod data_sets;
 mod experiments;
 mod objects;
 pub mod options;
+#[cfg(test)]
+mod python;
 
 pub use data_sets::{
     ConvergenceArgs, DetectArgs, DetectorArgs, EstimateArgs, EvalArgs, ExplainArgs, ScenesArgs, SearchChoice,

@@ -84,7 +84,7 @@ pub fn run(args: &EstimateArgs) -> Result<Done> {
         ours || !args.track,
         "--track: other estimators look at one image at a time; leave it out, or use --estimator grip"
     );
-    let program = matches!(args.estimator, EstimatorKind::Command { .. });
+    let program = matches!(args.estimator, EstimatorKind::Command { .. } | EstimatorKind::Given(_));
     let boxes_from = args.boxes.as_deref().unwrap_or(if program { "none" } else { "pyramid" });
     let boxes = Boxes::open(boxes_from, &settings.perception.detector, &args.network.options())?;
     let renderer =
@@ -101,6 +101,10 @@ pub fn run(args: &EstimateArgs) -> Result<Done> {
             let program = External::for_images(command, settings.trial.estimator_timeout_s, models)?;
             let description = program.description();
             (Opened::Program(Box::new(program)), description)
+        }
+        (EstimatorKind::Given(given), _) => {
+            let description = given.who.description();
+            (Opened::Program(Box::new(External::given_for_images(given.who.clone()))), description)
         }
         (other, _) => anyhow::bail!(
             "--estimator {}: has nothing to say of a data set; give grip, paper, paper-guarded or cmd:PROGRAM (grip eval \

@@ -20,27 +20,38 @@ mod render;
 mod report;
 mod robot;
 mod scenes;
-mod schemas;
+pub(crate) mod schemas;
 mod settings;
 mod sweep;
 mod trials;
 
 use std::ffi::OsString;
 use std::process::ExitCode;
+use std::sync::Arc;
 
+use anyhow::Context;
 use clap::Parser;
+use serde_json::{Map, Value};
 
-use crate::cli::{Cli, Command};
+pub use self::output::Caller;
+use crate::cli::{Cli, Command, EstimateArgs, PackArgs, options};
+use crate::estimators::EstimatorKind;
+use crate::graspers::GrasperKind;
 
 /// Runs a command line, the program's name first, as the command does: it prints, and ends the process at Ctrl-C.
 pub fn main(args: impl IntoIterator<Item = OsString>) -> ExitCode {
+    code(args).into()
+}
+
+/// The same; the exit code as a number.
+pub fn code(args: impl IntoIterator<Item = OsString>) -> u8 {
     let cli = match Cli::try_parse_from(args) {
         Ok(cli) => cli,
         Err(error) => {
             // Help and version are no errors; everything else is a command line that could not run.
             let code = u8::from(error.use_stderr()) * 2;
             let _ = error.print();
-            return ExitCode::from(code);
+            return code;
         }
     };
     // Graphics drivers and libraries log freely: silent unless asked.
@@ -54,15 +65,72 @@ pub fn main(args: impl IntoIterator<Item = OsString>) -> ExitCode {
     interrupt::install(&cli.command);
     let kept = interrupt::kept(&cli.command);
     match run(cli) {
-        Ok(done) => done.exit_code(),
+        Ok(done) => done.code(),
         Err(error) => {
             output::message(format_args!("error: {error:#}"));
             if let Some(kept) = kept.filter(|_| interrupt::disk_was_full(&error)) {
                 output::message(format_args!("{kept}"));
             }
-            ExitCode::from(2)
+            2
         }
     }
+}
+
+/// What a call says that no word can say.
+#[derive(Debug, Default)]
+pub struct Given {
+    /// Estimators, in place of those that are named in the options.
+    pub estimators: Option<Vec<EstimatorKind>>,
+    /// Grasp planners, in the same way.
+    pub graspers: Option<Vec<GrasperKind>>,
+}
+
+/// Runs a verb for a program: `options` are those of the command line, `_` for `-`, by the names that `--help` says. Returns whether all
+/// was done that was asked for.
+///
+/// # Errors
+/// With the text that the command would print; [`crate::progress::Interrupted`] when the caller's progress was cancelled.
+pub fn call(
+    verb: &str,
+    options: &Map<String, Value>,
+    given: Given,
+    caller: Arc<dyn Caller>,
+) -> anyhow::Result<bool> {
+    let words = options::words(verb, options)?;
+    let mut cli = Cli::try_parse_from(words).map_err(|error| {
+        // Of what clap prints the first lines say what is wrong; the rest is how a shell would say it.
+        let text = error.to_string();
+        let told = text.split("\n\nUsage:").next().unwrap_or(&text).trim_end();
+        anyhow::anyhow!("{}", told.trim_start_matches("error: ").to_owned())
+    })?;
+    give(&mut cli.command, given)?;
+    Ok(output::called_by(caller, || run(cli))? == Done::Fully)
+}
+
+/// Puts what is given into the options.
+fn give(command: &mut Command, given: Given) -> anyhow::Result<()> {
+    fn one<T>(kinds: Vec<T>, what: &str) -> anyhow::Result<T> {
+        let count = kinds.len();
+        let kind = kinds.into_iter().next().filter(|_| count == 1);
+        kind.with_context(|| format!("{what}: give one, not {count}"))
+    }
+    match command {
+        Command::Trials(args) => {
+            args.estimators = given.estimators.unwrap_or_else(|| std::mem::take(&mut args.estimators));
+            args.graspers = given.graspers.unwrap_or_else(|| std::mem::take(&mut args.graspers));
+        }
+        Command::Pack(PackArgs { estimator, grasper, .. }) => {
+            *estimator =
+                given.estimators.map_or_else(|| Ok(estimator.clone()), |kinds| one(kinds, "estimator"))?;
+            *grasper = given.graspers.map_or_else(|| Ok(grasper.clone()), |kinds| one(kinds, "grasper"))?;
+        }
+        Command::Estimate(EstimateArgs { estimator, .. }) => {
+            *estimator =
+                given.estimators.map_or_else(|| Ok(estimator.clone()), |kinds| one(kinds, "estimator"))?;
+        }
+        _ => {}
+    }
+    Ok(())
 }
 
 /// How a command ended when it could run.
@@ -76,10 +144,10 @@ enum Done {
 
 impl Done {
     /// 0 or 1; errors (2) never get here.
-    fn exit_code(self) -> ExitCode {
+    fn code(self) -> u8 {
         match self {
-            Self::Fully => ExitCode::SUCCESS,
-            Self::Short => ExitCode::from(1),
+            Self::Fully => 0,
+            Self::Short => 1,
         }
     }
 }

@@ -1,7 +1,10 @@
-//! The only places that write to the terminal: data to stdout, everything else to stderr.
+//! The only places that write to the terminal: data to stdout, everything else to stderr. A program that has called a verb gets all of
+//! it instead ([`Caller`]).
 
+use std::cell::RefCell;
 use std::fmt::{self, Arguments};
 use std::io::{self, IsTerminal, Write};
+use std::path::Path;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::mpsc::{self, Sender};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -9,14 +12,55 @@ use std::time::Duration;
 
 use crate::progress::Progress;
 use comfy_table::{CellAlignment, Table, presets::NOTHING};
-use indicatif::{HumanDuration, ProgressBar, ProgressState, ProgressStyle};
+use indicatif::{HumanDuration, ProgressBar, ProgressDrawTarget, ProgressState, ProgressStyle};
 use serde::Serialize;
+
+/// A program that calls a verb, in place of a terminal.
+pub trait Caller: Send + Sync {
+    /// A line of data.
+    fn data(&self, line: &str);
+
+    /// A line for people.
+    fn message(&self, line: &str);
+
+    /// A file that was made where the verb chose the place.
+    fn made(&self, path: &Path);
+
+    /// Work begins whose pieces are `unit`; empty where its length is not known.
+    fn progress(&self, unit: &str) -> Box<dyn Progress + Send>;
+}
+
+thread_local! {
+    /// Who has called a verb on this thread.
+    static CALLER: RefCell<Option<Arc<dyn Caller>>> = const { RefCell::new(None) };
+}
+
+fn caller() -> Option<Arc<dyn Caller>> {
+    CALLER.with_borrow(Clone::clone)
+}
+
+/// Does `work`, whose output goes to `caller`.
+pub fn called_by<T>(caller: Arc<dyn Caller>, work: impl FnOnce() -> T) -> T {
+    /// Also when the work panics.
+    struct End(Option<Arc<dyn Caller>>);
+    impl Drop for End {
+        fn drop(&mut self) {
+            CALLER.set(self.0.take());
+        }
+    }
+    let _end = End(CALLER.replace(Some(caller)));
+    work()
+}
 
 /// A line of data on stdout.
 ///
 /// # Errors
 /// When stdout cannot be written to; a closed pipe (`grip ... | head`) is no error.
 pub fn data(line: Arguments<'_>) -> anyhow::Result<()> {
+    if let Some(caller) = caller() {
+        caller.data(&line.to_string());
+        return Ok(());
+    }
     match writeln!(io::stdout().lock(), "{line}") {
         Err(error) if error.kind() == io::ErrorKind::BrokenPipe => Ok(()),
         other => other.map_err(|e| anyhow::anyhow!("cannot write to stdout: {e}")),
@@ -33,7 +77,18 @@ pub fn json(value: &impl Serialize) -> anyhow::Result<()> {
 
 /// A line for people on stderr; nobody is helped when that fails.
 pub fn message(line: Arguments<'_>) {
+    if let Some(caller) = caller() {
+        return caller.message(&line.to_string());
+    }
     let _ = writeln!(io::stderr().lock(), "{line}");
+}
+
+/// Says where a file is that was made.
+pub fn made(what: &str, path: &Path) {
+    match caller() {
+        Some(caller) => caller.made(path),
+        None => message(format_args!("{what}: {}", path.display())),
+    }
 }
 
 /// Progress: a bar on a terminal, elsewhere a line now and then.
@@ -44,6 +99,8 @@ pub struct Bar {
     kept: Arc<AtomicU64>,
     /// Ends the lines when it is dropped.
     lines: Mutex<Option<Sender<()>>>,
+    /// Who is told in place of all that.
+    instead: Option<Box<dyn Progress + Send>>,
 }
 
 /// Between two lines where there is no terminal.
@@ -74,8 +131,11 @@ impl Bar {
                 ));
             }));
         }
-        let this = Self { bar, unit: unit.to_owned(), kept, lines: Mutex::default() };
-        if io::stderr().is_terminal() {
+        let instead = caller().map(|caller| caller.progress(unit));
+        let this = Self { bar, unit: unit.to_owned(), kept, lines: Mutex::default(), instead };
+        if this.instead.is_some() {
+            this.bar.set_draw_target(ProgressDrawTarget::hidden());
+        } else if io::stderr().is_terminal() {
             this.bar.enable_steady_tick(Duration::from_millis(tick_ms));
         } else {
             this.speak();
@@ -126,6 +186,9 @@ fn left(took: Duration, done: u64, rest: u64) -> String {
 
 impl Progress for Bar {
     fn begin(&self, pieces: u64, done: u64) {
+        if let Some(caller) = &self.instead {
+            return caller.begin(pieces, done);
+        }
         self.kept.store(done, Ordering::Relaxed);
         self.bar.set_length(pieces);
         self.bar.set_position(done);
@@ -133,15 +196,28 @@ impl Progress for Bar {
     }
 
     fn advance(&self, pieces: u64) {
+        if let Some(caller) = &self.instead {
+            return caller.advance(pieces);
+        }
         self.bar.inc(pieces);
     }
 
     fn message(&self, text: &str) {
+        if let Some(caller) = &self.instead {
+            return caller.message(text);
+        }
         self.bar.set_message(text.to_owned());
     }
 
     fn warn(&self, text: &str) {
+        if let Some(caller) = &self.instead {
+            return caller.warn(text);
+        }
         self.bar.suspend(|| log::warn!("{text}"));
+    }
+
+    fn cancelled(&self) -> bool {
+        self.instead.as_ref().is_some_and(|caller| caller.cancelled())
     }
 }
 

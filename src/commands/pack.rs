@@ -79,8 +79,7 @@ pub fn run(args: &PackArgs) -> Result<Done> {
             output::data(format_args!("\n{}", clauses(&trial.result, &setup.settings.success)))?;
         }
     }
-    let page = folder.join("report.html");
-    output::message(format_args!("report: {}", page.display()));
+    output::made("report", &folder.join("report.html"));
     let packed = trial.result.packed == trial.result.requested;
     let touched = !trial.result.motion_check.collisions.is_empty();
     Ok(if packed && !touched { Done::Fully } else { Done::Short })

@@ -9,7 +9,7 @@ mod scene;
 
 use std::path::Path;
 use std::sync::Mutex;
-use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
+use std::sync::atomic::{AtomicU32, Ordering};
 use std::time::Instant;
 
 use anyhow::{Context, Result};
@@ -20,7 +20,7 @@ pub use self::plan::{CameraPlace, DatasetOptions, PAPER_VIEWS, Plan, Profile, SC
 pub use self::scene::{SCENE_SCHEMA, SceneFile, Timings};
 use crate::progress::Progress;
 use crate::setup::Setup;
-use crate::workers;
+use crate::workers::{self, Stop};
 
 /// What became of a run of `grip scenes`.
 #[derive(Debug, Default)]
@@ -70,9 +70,9 @@ pub fn make(
 
     let next = AtomicU32::new(0);
     let made = Mutex::new(Made { kept, ..Made::default() });
-    let worker = |stop: &AtomicBool| {
+    let worker = |stop: &Stop<'_>| {
         let mut renderer = render::open(renderer)?;
-        while !stop.load(Ordering::Relaxed) {
+        while !stop.is_asked_for() {
             let Some(&number) = missing.get(next.fetch_add(1, Ordering::Relaxed) as usize) else { break };
             let done = scene::make(setup, plan, &split, number, renderer.as_mut(), progress)
                 .with_context(|| format!("scene {number}"))?;
@@ -84,7 +84,7 @@ pub fn make(
         Ok(())
     };
     let threads = (jobs as usize).clamp(1, missing.len().max(1));
-    workers::run(threads, worker)?;
+    workers::run(threads, progress, worker)?;
 
     let began = Instant::now();
     let mut made = made.into_inner().unwrap_or_else(std::sync::PoisonError::into_inner);

@@ -22,11 +22,11 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 
-pub use self::external::{EstimatorFailed, External};
+pub use self::external::{Answers, EstimatorFailed, External};
 pub use self::grip::Grip;
 pub use self::recorded::Recorded;
 pub use self::stage::SecondStage;
-use crate::external::{CommandLine, named_command};
+use crate::external::{CommandLine, Given, named_command};
 use crate::matching::{self, nearest_pairs};
 use crate::setup::Setup;
 
@@ -143,6 +143,9 @@ impl Estimator {
             EstimatorKind::Command { command, .. } => {
                 Self::Perception(Box::new(External::open(setup, command)?))
             }
+            EstimatorKind::Given(given) => {
+                Self::Perception(Box::new(External::given(setup, given.who.clone())))
+            }
         })
     }
 
@@ -196,6 +199,8 @@ pub enum EstimatorKind {
         /// What is run.
         command: CommandLine,
     },
+    /// Someone in this process; the command line has no word for it.
+    Given(Given<dyn Answers>),
 }
 
 impl EstimatorKind {
@@ -205,7 +210,7 @@ impl EstimatorKind {
             Self::Grip => Some(SecondStage::Grip),
             Self::Paper => Some(SecondStage::Paper),
             Self::PaperGuarded => Some(SecondStage::PaperGuarded),
-            Self::Truth | Self::Csv(_) | Self::Command { .. } => None,
+            Self::Truth | Self::Csv(_) | Self::Command { .. } | Self::Given(_) => None,
         }
     }
 
@@ -220,6 +225,7 @@ impl EstimatorKind {
                 format!("csv-{}", path.file_stem().unwrap_or(path.as_os_str()).to_string_lossy())
             }
             Self::Command { name, command } => name.clone().unwrap_or_else(|| command.name()),
+            Self::Given(given) => given.name.clone(),
         }
     }
 }

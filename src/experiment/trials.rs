@@ -5,7 +5,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
-use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Mutex, MutexGuard};
 
 use anyhow::{Result, ensure};
@@ -16,10 +16,11 @@ use serde::{Deserialize, Serialize};
 
 use super::journal::{self, Journal};
 use super::plan::{Case, Key, LEFT_OUT, Plan, Stage, TIMINGS, TRIALS};
-use crate::progress::{Progress, Quiet};
+use crate::pictures;
+use crate::progress::{Part, Progress};
 use crate::score::outcome::{Timing, TrialResult};
 use crate::trial::{self, Pictures, TrialOptions, film};
-use crate::{pictures, workers};
+use crate::workers::{self, Stop};
 
 /// How long a trial took: a line of timings.jsonl.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -83,13 +84,13 @@ pub fn run(
 
     let next = AtomicUsize::new(0);
     let journals = Mutex::new(Journals { trials, timings, skipped, done, left_out });
-    let worker = |stop: &AtomicBool| {
+    let worker = |stop: &Stop<'_>| {
         let mut renderer = render::open(renderer)?;
         ensure!(
             renderer.name() == plan.renderer,
             "the graphics adapter cannot be opened once for each of {jobs} jobs; give fewer --jobs, or --renderer cpu"
         );
-        while !stop.load(Ordering::Relaxed) {
+        while !stop.is_asked_for() {
             let Some(case) = missing.get(next.fetch_add(1, Ordering::Relaxed)) else { break };
             let Key { seed, estimator, .. } = &case.key;
             let Stage { planner, estimators, graspers, .. } = &plan.stages[case.scene];
@@ -103,7 +104,7 @@ pub fn run(
                 pictures: if film_all { Pictures::Film } else { Pictures::FilmOfFailures },
             };
             let estimator = &estimators[case.estimator];
-            let ran = trial::run(&setup, estimator, planner, renderer.as_mut(), options, &Quiet);
+            let ran = trial::run(&setup, estimator, planner, renderer.as_mut(), options, &Part(progress));
             let which = || {
                 let Key { seed, scene, condition, .. } = &case.key;
                 format!("scene {scene}, condition {condition}, {}, seed {seed}", case.key.method())
@@ -139,7 +140,7 @@ pub fn run(
         }
         Ok(())
     };
-    workers::run(jobs.clamp(1, missing.len().max(1)), worker)?;
+    workers::run(jobs.clamp(1, missing.len().max(1)), progress, worker)?;
 
     let Journals { trials, timings, skipped, done: mut results, mut left_out } =
         journals.into_inner().unwrap_or_else(std::sync::PoisonError::into_inner);

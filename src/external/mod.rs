@@ -10,6 +10,7 @@ mod npy;
 pub mod protocol;
 
 use std::collections::HashMap;
+use std::fmt;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
@@ -34,6 +35,34 @@ const START: u32 = 5;
 
 /// Who speaks, as in greetings.
 pub(crate) const PROGRAM: &str = concat!("grip ", env!("CARGO_PKG_VERSION"));
+
+/// Someone in this process who estimates or plans grasps.
+pub struct Given<T: ?Sized> {
+    /// As in outputs.
+    pub name: String,
+    /// Who.
+    pub who: Arc<T>,
+}
+
+impl<T: ?Sized> fmt::Debug for Given<T> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_tuple("Given").field(&self.name).finish()
+    }
+}
+
+impl<T: ?Sized> Clone for Given<T> {
+    fn clone(&self) -> Self {
+        Self { name: self.name.clone(), who: Arc::clone(&self.who) }
+    }
+}
+
+impl<T: ?Sized> PartialEq for Given<T> {
+    fn eq(&self, other: &Self) -> bool {
+        self.name == other.name && Arc::ptr_eq(&self.who, &other.who)
+    }
+}
+
+impl<T: ?Sized> Eq for Given<T> {}
 
 /// What is spoken with a kind of program.
 pub(crate) trait Dialogue {

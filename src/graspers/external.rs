@@ -150,7 +150,10 @@ impl GraspPlanner for External {
 }
 
 /// A grasp that means something.
-fn checked(grasp: &FoundGrasp, targets: &[Target]) -> Result<ForeignGrasp, String> {
+///
+/// # Errors
+/// In words, when a number does not, or its object is none of `targets`.
+pub fn checked(grasp: &FoundGrasp, targets: &[Target]) -> Result<ForeignGrasp, String> {
     let FoundGrasp { rotation, translation, width, score, index } = grasp;
     if !score.is_finite() {
         return Err(format!("score {score}: must be finite"));

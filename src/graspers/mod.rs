@@ -20,9 +20,9 @@ use grip_sim::images::LabelImage;
 use grip_sim::pose::{Camera, Gripper, Object, Pose};
 use serde_json::{Value, json};
 
-pub use self::external::External;
+pub use self::external::{External, checked};
 pub use self::protocol::Want;
-use crate::external::{CommandLine, named_command};
+use crate::external::{CommandLine, Given, named_command};
 use crate::setup::Setup;
 
 /// The name of our own.
@@ -121,6 +121,7 @@ impl Grasper {
             GrasperKind::Command { command, .. } => {
                 Self::Other { name: kind.name(), planner: Arc::new(External::open(setup, command)?) }
             }
+            GrasperKind::Given(given) => Self::Other { name: kind.name(), planner: given.who.clone() },
         })
     }
 
@@ -154,6 +155,8 @@ pub enum GrasperKind {
         /// What is run.
         command: CommandLine,
     },
+    /// Someone in this process; the command line has no word for it.
+    Given(Given<dyn GraspPlanner>),
 }
 
 impl GrasperKind {
@@ -162,6 +165,7 @@ impl GrasperKind {
         match self {
             Self::Grip => GRIP.into(),
             Self::Command { name, command } => name.clone().unwrap_or_else(|| command.name()),
+            Self::Given(given) => given.name.clone(),
         }
     }
 }

@@ -46,7 +46,7 @@ pub(crate) use self::port::{SharedWorld, WorldPort};
 use self::report::LookPictures;
 use crate::estimators::{Estimates, Estimator, EstimatorFailed};
 use crate::graspers::{Grasper, GrasperFailed};
-use crate::progress::Progress;
+use crate::progress::{Interrupted, Progress};
 use crate::scenario::Scenario;
 use crate::score::outcome::{ItemTiming, Measures, Outcome, Stage, TRIAL_SCHEMA, Timing, TrialResult};
 use crate::score::record::{ItemRecord, failure_of, finish};
@@ -142,7 +142,7 @@ pub struct Attempt {
 /// Runs a trial to its end.
 ///
 /// # Errors
-/// When rendering, estimation or the world fails; a failed grasp is a result, not an error.
+/// When rendering, estimation or the world fails, or `progress` is cancelled; a failed grasp is a result, not an error.
 pub fn run(
     setup: &Setup,
     estimator: &Estimator,
@@ -154,6 +154,7 @@ pub fn run(
     let mut trial = Trial::begin(setup, estimator, planner, renderer, options, progress)?;
     let mut fruitless = 0;
     while trial.is_open() && fruitless < setup.settings.trial.max_fruitless_looks {
+        ensure!(!progress.cancelled(), Interrupted);
         let seen = match trial.look() {
             Ok(seen) => seen,
             Err(error) => {

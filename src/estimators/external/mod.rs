@@ -1,5 +1,5 @@
 //! An estimator of others: a program that is handed what the camera saw, a line at a time, and says where the objects are
-//! ([docs/estimators.md](../../../docs/estimators.md)).
+//! ([docs/estimators.md](../../../docs/estimators.md)); or a function in this process that answers the same questions.
 
 pub mod protocol;
 // Their estimators are shell scripts.
@@ -40,25 +40,48 @@ impl std::fmt::Display for EstimatorFailed {
 
 impl std::error::Error for EstimatorFailed {}
 
-/// A program of others that estimates poses.
+/// An estimator of others. What it says is checked, and then believed.
 pub struct External {
-    programs: Programs<Estimating>,
+    answers: Arc<dyn Answers>,
     /// The spaces over the table and in the bin; none for images of a data set.
     cell: Option<[Workspace; 2]>,
 }
 
+/// Someone who says where objects are: a program, or a function in this process.
+pub trait Answers: Send + Sync {
+    /// Where they are, at most one pose for each that is asked for.
+    ///
+    /// # Errors
+    /// [`EstimatorFailed`] ends the trial and no more; any other error ends everything.
+    fn answer(&self, question: &Question<'_>) -> Result<Vec<Found>>;
+
+    /// Who it is, in what is said of its failures.
+    fn name(&self) -> String;
+
+    /// For scenario.json: what its estimates depend on.
+    fn description(&self) -> Value;
+}
+
 /// What is asked.
-struct Question<'a> {
-    place: Place,
-    seed: u64,
-    look: usize,
-    frame: &'a CameraFrame,
-    world_from_camera: Option<Pose<World, Camera>>,
-    space: Option<Workspace>,
-    models: &'a [Arc<ObjectModel>],
-    /// Positions in `models`.
-    asked: &'a [usize],
-    boxes: Vec<Proposal>,
+pub struct Question<'a> {
+    /// Where the objects are believed to be.
+    pub place: Place,
+    /// The trial's seed; in a data set the number of the scene.
+    pub seed: u64,
+    /// The number of the look in it, from 0 on; in a data set the number of the image.
+    pub look: usize,
+    /// What the camera saw.
+    pub frame: &'a CameraFrame,
+    /// Where it was, by the robot's joints; none in a data set that does not say it.
+    pub world_from_camera: Option<Pose<World, Camera>>,
+    /// The part of the world in which the objects are; none in a data set.
+    pub space: Option<Workspace>,
+    /// The trial's objects.
+    pub models: &'a [Arc<ObjectModel>],
+    /// Those that are asked for, positions in `models`.
+    pub asked: &'a [usize],
+    /// Where a detector says that they are, if there is one.
+    pub boxes: Vec<Proposal>,
 }
 
 /// What is spoken with an estimator.
@@ -94,8 +117,13 @@ impl External {
     /// # Errors
     /// When it cannot be started, or does not answer the greeting as the protocol has it.
     pub fn open(setup: &Setup, command: &CommandLine) -> Result<Self> {
-        let cell = [setup.cell.workspace(), setup.cell.bin_space()];
-        Self::greeted(command, setup.settings.trial.estimator_timeout_s, Some(cell), setup.models.clone())
+        let timeout_s = setup.settings.trial.estimator_timeout_s;
+        Ok(Self::given(setup, program(command, timeout_s, setup.models.clone())?))
+    }
+
+    /// Someone in this process, for the cell of `setup`.
+    pub fn given(setup: &Setup, answers: Arc<dyn Answers>) -> Self {
+        Self { answers, cell: Some([setup.cell.workspace(), setup.cell.bin_space()]) }
     }
 
     /// For the images of a data set in which there are `models`; an answer may take `timeout_s`.
@@ -103,25 +131,19 @@ impl External {
     /// # Errors
     /// As [`External::open`].
     pub fn for_images(command: &CommandLine, timeout_s: f64, models: Vec<Arc<ObjectModel>>) -> Result<Self> {
-        Self::greeted(command, timeout_s, None, models)
+        Ok(Self::given_for_images(program(command, timeout_s, models)?))
     }
 
-    fn greeted(
-        command: &CommandLine,
-        timeout_s: f64,
-        cell: Option<[Workspace; 2]>,
-        models: Vec<Arc<ObjectModel>>,
-    ) -> Result<Self> {
-        let programs = Programs::new(Estimating, command, Duration::from_secs_f64(timeout_s), models);
-        programs.start(|()| ())?;
-        Ok(Self { programs, cell })
+    /// Someone in this process, for the images of a data set.
+    pub fn given_for_images(answers: Arc<dyn Answers>) -> Self {
+        Self { answers, cell: None }
     }
 
     /// Where `objects` are in an image of a data set, positions in it, by its number of the scene and its own; `boxes` are where a
     /// detector says that they are.
     ///
     /// # Errors
-    /// [`EstimatorFailed`] when the program does wrong; others when it cannot be asked.
+    /// [`EstimatorFailed`] when the estimator does wrong; others when it cannot be asked.
     pub fn image(
         &self,
         (scene_id, im_id): (u32, u32),
@@ -131,7 +153,7 @@ impl External {
         objects: &[Arc<ObjectModel>],
     ) -> Result<Estimates> {
         let asked: Vec<usize> = (0..objects.len()).collect();
-        self.ask(Question {
+        self.ask(&Question {
             place: Place::Image,
             seed: scene_id.into(),
             look: im_id as usize,
@@ -145,7 +167,7 @@ impl External {
     }
 
     fn estimate(&self, look: &Look<'_>, place: Place) -> Result<Estimates> {
-        self.ask(Question {
+        self.ask(&Question {
             place,
             seed: look.seed,
             look: look.number(),
@@ -158,13 +180,40 @@ impl External {
         })
     }
 
-    fn ask(&self, look: Question<'_>) -> Result<Estimates> {
-        let programs = &self.programs;
-        let mut session = programs.session()?;
-        // Its start is not on any object.
+    fn ask(&self, question: &Question<'_>) -> Result<Estimates> {
         let began = Instant::now();
+        let said = self.answers.answer(question)?;
+        // Not all of its time is on one object.
+        let seconds = began.elapsed().as_secs_f64() / question.asked.len().max(1) as f64;
+        let failed = |reason: String| EstimatorFailed(format!("{}: {reason}", self.answers.name()));
+        let mut estimates = Estimates::new();
+        for found in &said {
+            let index = found.index;
+            if !question.asked.contains(&index) || estimates.iter().any(|(other, _)| *other == index) {
+                let reason = format!("poses: index {index}: give each of the objects asked for at most once");
+                return Err(failed(reason).into());
+            }
+            let posterior = posterior(found, &question.models[index], seconds)
+                .map_err(|reason| failed(format!("poses, index {index}: {reason}")))?;
+            estimates.push((index, posterior));
+        }
+        estimates.sort_unstable_by_key(|(index, _)| *index);
+        Ok(estimates)
+    }
+}
+
+/// A program that has greeted.
+fn program(command: &CommandLine, timeout_s: f64, models: Vec<Arc<ObjectModel>>) -> Result<Arc<dyn Answers>> {
+    let programs = Programs::new(Estimating, command, Duration::from_secs_f64(timeout_s), models);
+    programs.start(|()| ())?;
+    Ok(Arc::new(programs))
+}
+
+impl Answers for Programs<Estimating> {
+    fn answer(&self, look: &Question<'_>) -> Result<Vec<Found>> {
+        let mut session = self.session()?;
         session.pictures.write(look.frame)?;
-        let id = programs.id();
+        let id = self.id();
         let request = Request::Look(Box::new(LookRequest {
             id,
             seed: look.seed,
@@ -176,33 +225,27 @@ impl External {
                 .iter()
                 .map(|&index| Asked { index, obj_id: look.models[index].info.bop_id })
                 .collect(),
-            boxes: look.boxes,
+            boxes: look.boxes.clone(),
         }));
         let line = serde_json::to_string(&request)?;
-        let found = match session.ask(&line).map_err(|e| programs.failed(e))? {
+        let found = match session.ask(&line).map_err(|e| self.failed(e))? {
             Reply::Poses { id: of, poses } if of == id => poses,
             Reply::Poses { id: of, .. } => {
-                return Err(programs.failed(format!("it answers question {of}, and was asked {id}")));
+                return Err(self.failed(format!("it answers question {of}, and was asked {id}")));
             }
-            Reply::Error { message } => return Err(programs.failed(message)),
-            Reply::Hello { .. } => return Err(programs.failed("it said hello again")),
+            Reply::Error { message } => return Err(self.failed(message)),
+            Reply::Hello { .. } => return Err(self.failed("it said hello again")),
         };
-        // Not all of its time is on one object.
-        let seconds = began.elapsed().as_secs_f64() / look.asked.len().max(1) as f64;
-        let mut estimates = Estimates::new();
-        for found in &found {
-            let index = found.index;
-            if !look.asked.contains(&index) || estimates.iter().any(|(other, _)| *other == index) {
-                let reason = format!("poses: index {index}: give each of the objects asked for at most once");
-                return Err(programs.failed(reason));
-            }
-            let posterior = posterior(found, &look.models[index], seconds)
-                .map_err(|reason| programs.failed(format!("poses, index {index}: {reason}")))?;
-            estimates.push((index, posterior));
-        }
-        estimates.sort_unstable_by_key(|(index, _)| *index);
-        programs.keep(session);
-        Ok(estimates)
+        self.keep(session);
+        Ok(found)
+    }
+
+    fn name(&self) -> String {
+        self.command().text.clone()
+    }
+
+    fn description(&self) -> Value {
+        json!({ "name": "cmd", "command": self.command().text, "protocol": protocol::VERSION })
     }
 }
 
@@ -216,7 +259,7 @@ impl Perception for External {
     }
 
     fn description(&self) -> Value {
-        json!({ "name": "cmd", "command": self.programs.command().text, "protocol": protocol::VERSION })
+        self.answers.description()
     }
 }
 

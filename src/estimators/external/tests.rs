@@ -18,11 +18,11 @@ fn models() -> Vec<Arc<ObjectModel>> {
 }
 
 /// An estimator that is run by `command`.
-fn external(command: &str, timeout: Duration) -> External {
+fn external(command: &str, timeout: Duration) -> (External, Arc<Programs<Estimating>>) {
     let models = models();
     let space = Workspace { min: [0.0; 3], max: [1.0; 3] };
-    let programs = Programs::new(Estimating, &command.parse().unwrap(), timeout, models);
-    External { programs, cell: Some([space; 2]) }
+    let programs = Arc::new(Programs::new(Estimating, &command.parse().unwrap(), timeout, models));
+    (External { answers: programs.clone(), cell: Some([space; 2]) }, programs)
 }
 
 /// An estimator that is a shell script, which has read the greeting.
@@ -30,6 +30,7 @@ struct Script {
     _folder: tempfile::TempDir,
     models: Vec<Arc<ObjectModel>>,
     external: External,
+    programs: Arc<Programs<Estimating>>,
 }
 
 impl Script {
@@ -41,8 +42,8 @@ impl Script {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("estimator.sh");
         std::fs::write(&path, format!("read hello\n{text}\n")).unwrap();
-        let external = external(&format!("sh '{}'", path.display()), timeout);
-        Self { _folder: folder, models: models(), external }
+        let (external, programs) = external(&format!("sh '{}'", path.display()), timeout);
+        Self { _folder: folder, models: models(), external, programs }
     }
 
     /// Answers every question with `poses`, as far as what the shell makes of it.
@@ -96,7 +97,7 @@ fn what_it_says_is_believed_and_its_samples_are_the_spread() {
         assert!((banana.position_std_m - 0.006 / 2f64.sqrt()).abs() < 1e-6, "{}", banana.position_std_m);
     }
     // The process has lived on, and is gone with the estimator, as are its pictures.
-    let (waiting, folder) = script.external.programs.waiting();
+    let (waiting, folder) = script.programs.waiting();
     assert_eq!(waiting, 1);
     assert!(folder.join("models/obj_000004.ply").is_file() && folder.join("rgb-0.npy").is_file());
     drop(script);
@@ -119,7 +120,7 @@ fn what_it_does_wrong_is_told_and_ends_no_more_than_the_trial() {
     let late = r#"echo '{"type":"poses","id":999,"poses":[]}'"#;
     assert!(saying(&format!("{HELLO}; read look; {late}")).contains("answers question 999"));
     let no_program = external("/no/such/program --x", Duration::from_secs(1));
-    let missing = Script { external: no_program, ..Script::new("") }.failure();
+    let missing = Script { external: no_program.0, ..Script::new("") }.failure();
     assert!(missing.contains("cannot be started"), "{missing}");
 }
 

@@ -12,7 +12,7 @@ pub mod motion;
 
 use std::collections::BTreeSet;
 use std::path::Path;
-use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex};
 
 use anyhow::{Context, Result, anyhow, bail, ensure};
@@ -31,7 +31,7 @@ use crate::progress::Progress;
 use crate::scenario::{self, ObjectEntry, Program, RobotEntry};
 use crate::settings::Settings;
 use crate::setup::{Setup, SetupOptions};
-use crate::workers;
+use crate::workers::{self, Stop};
 
 /// Version of sweep.json.
 pub const SCHEMA: &str = "grip.sweep/2";
@@ -345,7 +345,7 @@ impl Sweep {
         }
         let next = AtomicUsize::new(0);
         let shared = Mutex::new((journal, done));
-        let worker = |stop: &AtomicBool| {
+        let worker = |stop: &Stop<'_>| {
             while let Some((object, seed, cases)) = groups.get(next.fetch_add(1, Ordering::Relaxed)) {
                 let only = fixed.iter().find(|(name, _)| name == object).map(|(_, grasp)| grasp);
                 let layout = match Layout::find(self, object, *seed, only)? {
@@ -357,7 +357,7 @@ impl Sweep {
                     }
                 };
                 for &case in cases {
-                    if stop.load(Ordering::Relaxed) {
+                    if stop.is_asked_for() {
                         return Ok(());
                     }
                     let line = layout.try_grasp(self, case)?;
@@ -370,7 +370,7 @@ impl Sweep {
             }
             Ok(())
         };
-        workers::run(jobs.clamp(1, groups.len().max(1)), worker)?;
+        workers::run(jobs.clamp(1, groups.len().max(1)), progress, worker)?;
         let (journal, mut done) = shared.into_inner().unwrap_or_else(std::sync::PoisonError::into_inner);
         done.sort_by_key(GraspLine::key);
         journal::write_whole(&out.join(GRASPS), &done)?;

@@ -1,0 +1,208 @@
+//! Scenes, and worlds that go on by steps.
+
+use std::path::PathBuf;
+use std::sync::Arc;
+
+use grip::settings::Settings;
+use grip::setup::{Setup, SetupOptions};
+use grip_physics::STEP_HZ;
+use grip_sim::camera::Intrinsics;
+use grip_sim::render::{self, Renderer, RendererChoice};
+use numpy::PyArray1;
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+
+use crate::arrays;
+use crate::error::raised;
+use crate::frame::Frame;
+
+/// A scene with everything that a run depends on: robot, table, bin, objects, light, camera, settings, seed.
+#[pyclass(module = "grip", frozen, subclass, name = "Scene")]
+pub struct Scene(Arc<Setup>);
+
+impl Scene {
+    /// What it is made of.
+    pub fn setup(&self) -> Arc<Setup> {
+        self.0.clone()
+    }
+}
+
+#[pymethods]
+impl Scene {
+    #[new]
+    #[pyo3(signature = (path, condition, seed, ycb, objects, intrinsics, robot, robot_config, package_path, settings))]
+    #[allow(clippy::too_many_arguments, reason = "Python's side names them")]
+    fn create(
+        py: Python<'_>,
+        path: PathBuf,
+        condition: String,
+        seed: u64,
+        ycb: Option<PathBuf>,
+        objects: Vec<PathBuf>,
+        intrinsics: Option<String>,
+        robot: Option<PathBuf>,
+        robot_config: Option<PathBuf>,
+        package_path: Vec<PathBuf>,
+        settings: Option<PathBuf>,
+    ) -> PyResult<Self> {
+        py.detach(|| {
+            raised(|| {
+                let settings = settings.as_deref().map(Settings::load).transpose()?.unwrap_or_default();
+                let intrinsics = intrinsics
+                    .map(|text| text.parse::<Intrinsics>())
+                    .transpose()
+                    .map_err(|why| anyhow::anyhow!("intrinsics: {why}"))?;
+                let setup = Setup::load(&SetupOptions {
+                    scene: path,
+                    condition,
+                    seed,
+                    ycb,
+                    tables: objects,
+                    intrinsics,
+                    robot,
+                    robot_config,
+                    package_path,
+                    settings: Arc::new(settings),
+                })?;
+                Ok(Self(Arc::new(setup)))
+            })
+        })
+    }
+
+    /// The scene's name.
+    #[getter]
+    fn name(&self) -> &str {
+        &self.0.cell.scene.name
+    }
+
+    /// The seed of everything random.
+    #[getter]
+    fn seed(&self) -> u64 {
+        self.0.seed
+    }
+
+    /// The condition's name.
+    #[getter]
+    fn condition(&self) -> &str {
+        &self.0.condition.name
+    }
+
+    /// The names of its objects; of a further one of a kind with a number behind it.
+    #[getter]
+    fn objects(&self) -> Vec<String> {
+        (0..self.0.models.len()).map(|i| self.0.name(i)).collect()
+    }
+
+    /// How many of them a trial packs: the first ones.
+    #[getter]
+    fn packable(&self) -> usize {
+        self.0.packable()
+    }
+
+    /// The names of the robot's joints.
+    #[getter]
+    fn joint_names(&self) -> Vec<String> {
+        self.0.cell.robot.joints().iter().map(|joint| joint.name.clone()).collect()
+    }
+
+    fn __repr__(&self) -> String {
+        format!("<grip.Scene {}, {}, seed {}>", self.name(), self.condition(), self.seed())
+    }
+}
+
+/// A physics world with the scene's objects at rest in it, and the camera that looks at them.
+#[pyclass(module = "grip", name = "World", unsendable)]
+pub struct World {
+    setup: Arc<Setup>,
+    world: grip_physics::World,
+    renderer: Box<dyn Renderer>,
+    looks: usize,
+}
+
+#[pymethods]
+impl World {
+    /// Lays the objects out from the seed, and lets them come to rest. `renderer`: auto, wgpu or cpu.
+    #[new]
+    #[pyo3(signature = (scene, renderer = "auto"))]
+    fn create(py: Python<'_>, scene: &Scene, renderer: &str) -> PyResult<Self> {
+        let setup = scene.setup();
+        py.detach(|| {
+            raised(|| {
+                let choice = match renderer {
+                    "auto" => RendererChoice::Auto,
+                    "wgpu" => RendererChoice::Wgpu,
+                    "cpu" => RendererChoice::Cpu,
+                    other => anyhow::bail!("renderer: {other}: give auto, wgpu or cpu"),
+                };
+                let renderer = render::open(choice)?;
+                let (world, _) = setup.drop_objects()?;
+                Ok(Self { setup: setup.clone(), world, renderer, looks: 0 })
+            })
+        })
+    }
+
+    /// What the camera sees as everything is now. Each look has noise of its own.
+    fn look(&mut self, py: Python<'_>) -> PyResult<Frame> {
+        let Self { setup, world, renderer, looks } = self;
+        let (world, renderer) = (&*world, renderer.as_mut());
+        let (frame, _) = raised(|| setup.capture(world, renderer, *looks))?;
+        *looks += 1;
+        Ok(Frame::new(py, frame))
+    }
+
+    /// Lets `seconds` go by, to the nearest step of 1/240 s, while the robot stays as it is.
+    fn step(&mut self, seconds: f64) -> PyResult<()> {
+        raised(|| {
+            anyhow::ensure!(
+                seconds.is_finite() && seconds >= 0.0,
+                "seconds: {seconds}: must be finite and not negative"
+            );
+            let (target, grip) = self.world.hold();
+            for _ in 0..(seconds * f64::from(STEP_HZ)).round() as u64 {
+                self.world.step(&target, grip);
+            }
+            Ok(())
+        })
+    }
+
+    /// Simulated seconds since the objects were at rest.
+    #[getter]
+    fn time(&self) -> f64 {
+        self.world.time()
+    }
+
+    /// Where the robot's joints are, radians or metres.
+    #[getter]
+    fn joints<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        PyArray1::from_slice(py, self.world.joints())
+    }
+
+    /// Where each object really is, 4 x 4, from its frame to the world's: for scores, and not for estimators.
+    fn true_poses<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let poses = PyDict::new(py);
+        for i in 0..self.world.object_count() {
+            poses.set_item(self.setup.name(i), arrays::pose(py, self.world.truth(i).iso()))?;
+        }
+        Ok(poses)
+    }
+
+    /// A hash of everything that moves: equal for equal states.
+    fn state_hash(&self) -> String {
+        self.world.state_hash()
+    }
+
+    /// Who draws: wgpu or cpu.
+    #[getter]
+    fn renderer(&self) -> &str {
+        self.renderer.name()
+    }
+
+    fn __repr__(&self) -> String {
+        format!(
+            "<grip.World of {}, {} objects, {:.2} s>",
+            self.setup.cell.scene.name,
+            self.world.object_count(),
+            self.time()
+        )
+    }
+}
