@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import logging
 import os
+import sys
 import tempfile
 from dataclasses import asdict, fields, is_dataclass
 from typing import Any, Mapping, Optional
@@ -95,7 +96,8 @@ class Progress:
     def __init__(self, show: Optional[bool]) -> None:
         self.bars: list[Bar] = []
         self.tqdm = None
-        if show is not False:
+        watched = sys.stderr.isatty() or "ipykernel" in sys.modules
+        if show or (show is None and watched):
             try:
                 from tqdm.auto import tqdm
 

@@ -186,7 +186,7 @@ def merge(
 
 
 def sweep(
-    objects: Optional[Union[str, Sequence[str]]] = None,
+    names: Optional[Union[str, Sequence[str]]] = None,
     *,
     axes: Optional[Union[Literal["x", "y", "z", "roll", "pitch", "yaw"], Sequence[Literal["x", "y", "z", "roll", "pitch", "yaw"]]]] = None,
     range: Optional[Union[float, Sequence[float]]] = None,
@@ -213,7 +213,7 @@ def sweep(
     r"""Try grasps under known pose errors: what error does a grasp forgive?.
 
     Args:
-        objects: Objects by name [default: soup can, meat can, cracker box, mustard, banana, marker].
+        names: Objects by name [default: soup can, meat can, cracker box, mustard, banana, marker].
         axes: Directions of the gripper's frame: x approach, y closing, z sideways, and turns about them. Default:
             x,y,z,roll,pitch,yaw.
         range: Largest error in each direction: millimetres and degrees. Default: 40,45.
@@ -623,7 +623,7 @@ def convergence(
 
 
 def grasps(
-    objects: Optional[Union[str, Sequence[str]]] = None,
+    names: Optional[Union[str, Sequence[str]]] = None,
     *,
     out: Optional[Path] = None,
     ycb: Optional[Path] = None,
@@ -637,7 +637,7 @@ def grasps(
     r"""Find the grasps of objects and save them as files, for `pack --grasps` and for other programs.
 
     Args:
-        objects: Objects, by name [default: all of the table].
+        names: Objects, by name [default: all of the table].
         out: Folder for one file an object [default: none is written]; an earlier one there is replaced.
         ycb: Folder of scanned objects (official YCB layout, or a BOP `models` folder) [env: GRIP_YCB_DIR].
         objects: Table of objects of your own (docs/objects.md), beside the built-in ones; may be given more than once.

@@ -16,6 +16,7 @@ use pyo3::prelude::*;
 use serde_json::{Map, Value};
 
 use crate::error::{exception, raised};
+use crate::process::shares_threads;
 use crate::{estimators, graspers};
 
 /// How often Ctrl-C is looked for.
@@ -170,6 +171,7 @@ pub fn call(
         let graspers = graspers.map(|all| all.iter().map(graspers::kind).collect()).transpose()?;
         Ok(Given { estimators, graspers })
     })?;
+    raised(shares_threads)?;
     let said = Arc::new(Said::default());
     let fully = interruptible(py, |cancelled| {
         let told = Told { said: said.clone(), progress, cancelled: cancelled.clone() };

@@ -18,8 +18,9 @@ use pyo3::types::{PyDict, PyTuple};
 use serde_json::{Value, json};
 
 use crate::arrays;
-use crate::error::raised;
+use crate::error::{exception, raised};
 use crate::frame::Frame;
+use crate::process::pooled;
 use crate::world::Scene;
 
 /// What is believed of an object.
@@ -87,7 +88,7 @@ impl Estimator {
     ) -> PyResult<Self> {
         let setup = scene.get().setup();
         let estimator = py.detach(|| {
-            raised(|| {
+            pooled(|| {
                 let kind: EstimatorKind = kind.parse().map_err(|why| anyhow::anyhow!("{kind}: {why}"))?;
                 ensure!(
                     kind.second_stage().is_some(),
@@ -105,7 +106,8 @@ impl Estimator {
                 let network = NetworkOptions { model, ..NetworkOptions::default() };
                 grip::estimators::Estimator::open(&setup, &kind, detector, &network)
             })
-        })?;
+        });
+        let estimator = estimator.map_err(exception)?;
         Ok(Self { scene, estimator })
     }
 
@@ -122,7 +124,7 @@ impl Estimator {
         let setup = self.scene.get().setup();
         let asked = objects.unwrap_or_else(|| (0..setup.models.len()).collect());
         let estimates = py.detach(|| {
-            raised(|| {
+            pooled(|| {
                 if let Some(odd) = asked.iter().find(|i| **i >= setup.models.len()) {
                     bail!("objects: {odd}: the scene has {} objects, numbered from 0", setup.models.len());
                 }
@@ -140,7 +142,8 @@ impl Estimator {
                     seed,
                 })
             })
-        })?;
+        });
+        let estimates = estimates.map_err(exception)?;
         Ok(estimates.iter().map(|(index, belief)| Posterior::new(py, *index, belief)).collect())
     }
 }
@@ -158,12 +161,31 @@ pub struct Asked {
     model: Py<PyAny>,
 }
 
-/// A model of an object, for a function that wants its shape.
+/// The shape of an object.
 #[pyclass(module = "grip", frozen, name = "Model")]
 pub struct Model(Arc<ObjectModel>);
 
+impl Model {
+    /// As Python sees it.
+    pub fn new(model: Arc<ObjectModel>) -> Self {
+        Self(model)
+    }
+}
+
 #[pymethods]
 impl Model {
+    /// The object's name.
+    #[getter]
+    fn name(&self) -> &str {
+        &self.0.info.name
+    }
+
+    /// Its number in BOP's data sets.
+    #[getter]
+    fn obj_id(&self) -> u32 {
+        self.0.info.bop_id
+    }
+
     /// N x 3, float32, metres in the object's frame.
     #[getter]
     fn vertices<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {

@@ -7,7 +7,7 @@ use anyhow::{Context, Result};
 use grip::external::Given;
 use grip::graspers::protocol::FoundGrasp;
 use grip::graspers::{
-    ForeignGrasp, GraspPlanner, GraspQuestion, GrasperFailed, GrasperKind, Target, Want, checked,
+    ForeignGrasp, GraspPlanner, GraspQuestion, GrasperFailed, GrasperKind, Target as Believed, Want, checked,
 };
 use grip_sim::images::LabelImage;
 use pyo3::prelude::*;
@@ -31,8 +31,8 @@ impl fmt::Debug for Function {
 }
 
 /// An object on the table.
-#[pyclass(module = "grip", frozen, get_all, name = "Target")]
-pub struct PyTarget {
+#[pyclass(module = "grip", frozen, get_all)]
+pub struct Target {
     /// Position in the trial's list of objects.
     index: usize,
     /// Its number in BOP's data sets.
@@ -43,9 +43,9 @@ pub struct PyTarget {
     camera_from_object: Option<Py<PyAny>>,
 }
 
-impl PyTarget {
-    fn new(py: Python<'_>, target: &Target) -> Self {
-        let Target { index, obj_id, wanted, pose } = target;
+impl Target {
+    fn new(py: Python<'_>, target: &Believed) -> Self {
+        let Believed { index, obj_id, wanted, pose } = target;
         let camera_from_object = pose.map(|pose| arrays::pose(py, pose.iso()).into_any().unbind());
         Self { index: *index, obj_id: *obj_id, wanted: *wanted, camera_from_object }
     }
@@ -61,7 +61,7 @@ impl GraspPlanner for Function {
             let scene = PyDict::new(py);
             let frame = Frame::copy(py, question.frame, Some(&question.frame.world_from_camera));
             scene.set_item("frame", frame.into_pyobject(py)?)?;
-            let targets = question.targets.iter().map(|target| PyTarget::new(py, target).into_pyobject(py));
+            let targets = question.targets.iter().map(|target| Target::new(py, target).into_pyobject(py));
             scene.set_item("objects", PyTuple::new(py, targets.collect::<PyResult<Vec<_>>>()?)?)?;
             let labels = question.segmentation.cloned().map(|labels: LabelImage| arrays::plane(py, labels));
             scene.set_item("segmentation", labels)?;
@@ -95,7 +95,7 @@ impl Function {
 }
 
 /// What a function has said: a list of `grip.Grasp`.
-fn read(said: &Bound<'_, PyAny>, targets: &[Target]) -> Result<Vec<ForeignGrasp>> {
+fn read(said: &Bound<'_, PyAny>, targets: &[Believed]) -> Result<Vec<ForeignGrasp>> {
     let wanted = "give a list of grip.Grasp";
     let items = said.try_iter().ok().with_context(|| format!("it returned {}: {wanted}", said.get_type()))?;
     items

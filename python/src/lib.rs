@@ -2,10 +2,12 @@
 
 mod arrays;
 mod caller;
+mod episode;
 mod error;
 mod estimators;
 mod frame;
 mod graspers;
+mod process;
 mod world;
 
 use pyo3::prelude::*;
@@ -18,11 +20,15 @@ mod _grip {
     #[pymodule_export]
     use super::caller::{call, main};
     #[pymodule_export]
+    use super::episode::Episode;
+    #[pymodule_export]
     use super::error::Error;
     #[pymodule_export]
-    use super::estimators::{Estimator, Posterior};
+    use super::estimators::{Asked, Estimator, Model, Posterior};
     #[pymodule_export]
     use super::frame::Frame;
+    #[pymodule_export]
+    use super::graspers::Target;
     #[pymodule_export]
     use super::world::{Scene, World};
 
@@ -32,10 +38,12 @@ mod _grip {
         error::raised(|| Ok(grip_sim::files::read_to_string(&path)?.into_owned()))
     }
 
-    /// The path of a file that ships with the program: under the current folder, or `builtin:`.
+    /// The path of a file that ships with the program: under the current folder, or `builtin:`; as it is where there is no such file.
     #[pyfunction]
     fn find(relative: &str) -> String {
-        grip::assets::find(relative).to_string_lossy().into_owned()
+        let found = grip::assets::find(relative);
+        let there = grip_sim::files::exists(&found);
+        if there { found.to_string_lossy().into_owned() } else { relative.to_owned() }
     }
 
     /// JSON as TOML.

@@ -1,30 +1,50 @@
 //! Scenes, and worlds that go on by steps.
 
 use std::path::PathBuf;
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, PoisonError};
 
+use anyhow::{Result, bail};
 use grip::settings::Settings;
-use grip::setup::{Setup, SetupOptions};
+use grip::setup::{Setup, SetupOptions, load_condition};
 use grip_physics::STEP_HZ;
 use grip_sim::camera::Intrinsics;
+use grip_sim::condition::ConditionSpec;
 use grip_sim::render::{self, Renderer, RendererChoice};
-use numpy::PyArray1;
+use numpy::{PyArray1, PyArray2};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
 use crate::arrays;
-use crate::error::raised;
+use crate::error::{exception, raised};
+use crate::estimators::Model;
 use crate::frame::Frame;
+use crate::process::pooled;
 
 /// A scene with everything that a run depends on: robot, table, bin, objects, light, camera, settings, seed.
 #[pyclass(module = "grip", frozen, subclass, name = "Scene")]
-pub struct Scene(Arc<Setup>);
+pub struct Scene {
+    /// With all objects that the scene draws from.
+    opened: Arc<Setup>,
+    condition: Arc<ConditionSpec>,
+    /// With those of the seed.
+    setup: Arc<Setup>,
+}
 
 impl Scene {
     /// What it is made of.
     pub fn setup(&self) -> Arc<Setup> {
-        self.0.clone()
+        self.setup.clone()
     }
+}
+
+/// Who draws.
+pub fn renderer_choice(word: &str) -> Result<RendererChoice> {
+    Ok(match word {
+        "auto" => RendererChoice::Auto,
+        "wgpu" => RendererChoice::Wgpu,
+        "cpu" => RendererChoice::Cpu,
+        other => bail!("renderer: {other}: give auto, wgpu or cpu"),
+    })
 }
 
 #[pymethods]
@@ -46,15 +66,15 @@ impl Scene {
         settings: Option<PathBuf>,
     ) -> PyResult<Self> {
         py.detach(|| {
-            raised(|| {
+            let opened = pooled(|| {
                 let settings = settings.as_deref().map(Settings::load).transpose()?.unwrap_or_default();
                 let intrinsics = intrinsics
                     .map(|text| text.parse::<Intrinsics>())
                     .transpose()
                     .map_err(|why| anyhow::anyhow!("intrinsics: {why}"))?;
-                let setup = Setup::load(&SetupOptions {
+                let setup = Setup::open(&SetupOptions {
                     scene: path,
-                    condition,
+                    condition: condition.clone(),
                     seed,
                     ycb,
                     tables: objects,
@@ -64,45 +84,87 @@ impl Scene {
                     package_path,
                     settings: Arc::new(settings),
                 })?;
-                Ok(Self(Arc::new(setup)))
-            })
+                let condition = load_condition(&setup.cell.folder, &condition)?;
+                let drawn = setup.with_seed(seed, &condition);
+                Ok(Self { opened: Arc::new(setup), condition: Arc::new(condition), setup: Arc::new(drawn) })
+            });
+            opened.map_err(exception)
         })
+    }
+
+    /// The same scene for another seed; no file is read again.
+    fn with_seed(&self, py: Python<'_>, seed: u64) -> PyResult<Self> {
+        let drawn = py.detach(|| pooled(|| Ok(self.opened.with_seed(seed, &self.condition))));
+        let setup = Arc::new(drawn.map_err(exception)?);
+        Ok(Self { opened: self.opened.clone(), condition: self.condition.clone(), setup })
     }
 
     /// The scene's name.
     #[getter]
     fn name(&self) -> &str {
-        &self.0.cell.scene.name
+        &self.setup.cell.scene.name
     }
 
     /// The seed of everything random.
     #[getter]
     fn seed(&self) -> u64 {
-        self.0.seed
+        self.setup.seed
     }
 
     /// The condition's name.
     #[getter]
     fn condition(&self) -> &str {
-        &self.0.condition.name
+        &self.setup.condition.name
     }
 
     /// The names of its objects; of a further one of a kind with a number behind it.
     #[getter]
     fn objects(&self) -> Vec<String> {
-        (0..self.0.models.len()).map(|i| self.0.name(i)).collect()
+        (0..self.setup.models.len()).map(|i| self.setup.name(i)).collect()
+    }
+
+    /// Their models, in the same order.
+    #[getter]
+    fn models(&self) -> Vec<Model> {
+        self.setup.models.iter().map(|model| Model::new(model.clone())).collect()
     }
 
     /// How many of them a trial packs: the first ones.
     #[getter]
     fn packable(&self) -> usize {
-        self.0.packable()
+        self.setup.packable()
+    }
+
+    /// Columns and rows of the camera's pictures.
+    #[getter]
+    fn resolution(&self) -> (usize, usize) {
+        let k = &self.setup.camera.intrinsics;
+        (k.width, k.height)
+    }
+
+    /// Lowest and highest corner of the space over the table in which objects are, metres.
+    #[getter]
+    fn workspace(&self) -> ([f64; 3], [f64; 3]) {
+        let space = self.setup.cell.workspace();
+        (space.min, space.max)
+    }
+
+    /// 4 x 4, from the bin's frame (origin in the middle of its floor) to the world's.
+    #[getter]
+    fn world_from_bin<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray2<f64>> {
+        arrays::pose(py, &self.setup.cell.scene.bin.world_from_bin())
+    }
+
+    /// Sides of the bin's inside, metres.
+    #[getter]
+    fn bin_inner(&self) -> [f64; 2] {
+        self.setup.cell.scene.bin.inner
     }
 
     /// The names of the robot's joints.
     #[getter]
     fn joint_names(&self) -> Vec<String> {
-        self.0.cell.robot.joints().iter().map(|joint| joint.name.clone()).collect()
+        self.setup.cell.robot.joints().iter().map(|joint| joint.name.clone()).collect()
     }
 
     fn __repr__(&self) -> String {
@@ -111,11 +173,12 @@ impl Scene {
 }
 
 /// A physics world with the scene's objects at rest in it, and the camera that looks at them.
-#[pyclass(module = "grip", name = "World", unsendable)]
+#[pyclass(module = "grip", name = "World")]
 pub struct World {
     setup: Arc<Setup>,
     world: grip_physics::World,
-    renderer: Box<dyn Renderer>,
+    /// Of one thread at a time.
+    renderer: Mutex<Box<dyn Renderer>>,
     looks: usize,
 }
 
@@ -127,25 +190,21 @@ impl World {
     fn create(py: Python<'_>, scene: &Scene, renderer: &str) -> PyResult<Self> {
         let setup = scene.setup();
         py.detach(|| {
-            raised(|| {
-                let choice = match renderer {
-                    "auto" => RendererChoice::Auto,
-                    "wgpu" => RendererChoice::Wgpu,
-                    "cpu" => RendererChoice::Cpu,
-                    other => anyhow::bail!("renderer: {other}: give auto, wgpu or cpu"),
-                };
-                let renderer = render::open(choice)?;
+            let world = pooled(|| {
+                let renderer = Mutex::new(render::open(renderer_choice(renderer)?)?);
                 let (world, _) = setup.drop_objects()?;
                 Ok(Self { setup: setup.clone(), world, renderer, looks: 0 })
-            })
+            });
+            world.map_err(exception)
         })
     }
 
     /// What the camera sees as everything is now. Each look has noise of its own.
     fn look(&mut self, py: Python<'_>) -> PyResult<Frame> {
         let Self { setup, world, renderer, looks } = self;
-        let (world, renderer) = (&*world, renderer.as_mut());
-        let (frame, _) = raised(|| setup.capture(world, renderer, *looks))?;
+        let (world, shot) = (&*world, *looks);
+        let renderer = renderer.get_mut().unwrap_or_else(PoisonError::into_inner).as_mut();
+        let (frame, _) = py.detach(|| pooled(|| setup.capture(world, renderer, shot))).map_err(exception)?;
         *looks += 1;
         Ok(Frame::new(py, frame))
     }
@@ -193,8 +252,8 @@ impl World {
 
     /// Who draws: wgpu or cpu.
     #[getter]
-    fn renderer(&self) -> &str {
-        self.renderer.name()
+    fn renderer(&self) -> &'static str {
+        self.renderer.lock().unwrap_or_else(PoisonError::into_inner).name()
     }
 
     fn __repr__(&self) -> String {

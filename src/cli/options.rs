@@ -28,12 +28,7 @@ pub fn words(name: &str, options: &Map<String, Value>) -> Result<Vec<String>> {
     let verb = verb(name)?;
     let (mut words, mut positional) = (vec!["grip".to_owned(), name.to_owned()], Vec::new());
     for (key, value) in options {
-        // The name that people know is the long one; what stands without a name goes by that of its field.
-        let named = |arg: &&clap::Arg| match arg.get_long() {
-            Some(long) => long == key.replace('_', "-"),
-            None => arg.get_id() == key.as_str(),
-        };
-        let arg = verb.get_arguments().filter(|arg| !arg.is_global_set()).find(named);
+        let arg = shown(&verb).find(|arg| name_of(&verb, arg) == key.replace('-', "_"));
         let Some(arg) = arg else {
             let names: Vec<String> = option_names(&verb);
             let suggestion = grip_sim::names::suggestion(names.iter().map(String::as_str), key);
@@ -71,12 +66,28 @@ pub fn words(name: &str, options: &Map<String, Value>) -> Result<Vec<String>> {
     Ok(words)
 }
 
-/// The names of a verb's options in a table, without help and version.
+/// The names of a verb's options in a table.
 pub fn option_names(verb: &clap::Command) -> Vec<String> {
-    verb.get_arguments()
-        .filter(|arg| !arg.is_global_set() && !["help", "version"].contains(&arg.get_id().as_str()))
-        .map(|arg| arg.get_long().map_or_else(|| arg.get_id().to_string(), |long| long.replace('-', "_")))
-        .collect()
+    shown(verb).map(|arg| name_of(verb, arg)).collect()
+}
+
+/// The options that are a verb's own.
+pub fn shown(verb: &clap::Command) -> impl Iterator<Item = &clap::Arg> {
+    let everywhere =
+        |arg: &clap::Arg| arg.is_global_set() || ["help", "version"].contains(&arg.get_id().as_str());
+    verb.get_arguments().filter(move |arg| !everywhere(arg))
+}
+
+/// The name of an option in a table: the one that people know, with `_`; of what stands without one on a command line that of its
+/// field, or `names` where that is another option's, as the objects of a sweep are named and tables of objects are `objects`.
+pub fn name_of(verb: &clap::Command, arg: &clap::Arg) -> String {
+    let long = |arg: &clap::Arg| arg.get_long().map(|long| long.replace('-', "_"));
+    let taken = |id: &str| verb.get_arguments().any(|other| long(other).as_deref() == Some(id));
+    match (long(arg), arg.get_id().as_str()) {
+        (Some(long), _) => long,
+        (None, id) if taken(id) => "names".into(),
+        (None, id) => id.into(),
+    }
 }
 
 #[cfg(test)]
@@ -104,9 +115,10 @@ mod tests {
         assert_eq!(args.robot.package_path, ["a", "b c"].map(std::path::PathBuf::from));
         assert_eq!((args.shard.unwrap().index, args.jobs), (2, None));
         // What stands without a name, and negative numbers.
-        let options = json!({ "objects": ["011_banana", "-odd"], "range": [40, 45.5], "friction": -1.0 });
+        let options = json!({ "names": ["011_banana", "-odd"], "objects": "mine.toml", "range": [40, 45.5], "friction": -1.0 });
         let Command::Sweep(args) = parse("sweep", options).unwrap() else { panic!() };
         assert_eq!(args.objects, ["011_banana", "-odd"]);
+        assert_eq!(args.tables.tables, [std::path::PathBuf::from("mine.toml")]);
         assert_eq!((args.range, args.friction), (vec![40.0, 45.5], Some(-1.0)));
     }
 

@@ -9,7 +9,7 @@ use clap::{Arg, ArgAction, CommandFactory};
 use serde_json::{Map, Value};
 
 use super::Cli;
-use super::options::option_names;
+use super::options::{name_of, option_names, shown};
 use crate::commands::schemas;
 use crate::estimators::{EstimatorKind, NetworkChoice};
 use crate::graspers::GrasperKind;
@@ -121,13 +121,9 @@ fn function(page: &mut String, verb: &clap::Command, name: &str, returns: &str) 
     let names = option_names(verb);
     let has_json = names.iter().any(|name| name == "json");
     // What is printed is returned; `strict` is another way to print it.
-    let shown =
-        |arg: &&Arg| !arg.is_global_set() && !["json", "strict", "help"].contains(&arg.get_id().as_str());
-    let args: Vec<(String, &Arg)> = (verb.get_arguments().filter(shown))
-        .map(|arg| {
-            let long = arg.get_long().map(|long| long.replace('-', "_"));
-            (long.unwrap_or_else(|| arg.get_id().to_string()), arg)
-        })
+    let args: Vec<(String, &Arg)> = shown(verb)
+        .map(|arg| (name_of(verb, arg), arg))
+        .filter(|(name, _)| name != "json" && name != "strict")
         .collect();
     let (positional, named): (Vec<_>, Vec<_>) = args.iter().partition(|(_, arg)| arg.is_positional());
     let parameter = |(name, arg): &&&(String, &Arg)| {

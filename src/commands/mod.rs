@@ -100,7 +100,8 @@ pub fn call(
     let mut cli = Cli::try_parse_from(words).map_err(|error| {
         // Of what clap prints the first lines say what is wrong; the rest is how a shell would say it.
         let text = error.to_string();
-        let told = text.split("\n\nUsage:").next().unwrap_or(&text).trim_end();
+        let ends = ["\n\nUsage:", "\n\nFor more"].iter().filter_map(|end| text.find(end));
+        let told = text[..ends.min().unwrap_or(text.len())].trim_end();
         anyhow::anyhow!("{}", told.trim_start_matches("error: ").to_owned())
     })?;
     give(&mut cli.command, given)?;

@@ -166,5 +166,5 @@ pub fn checked(grasp: &FoundGrasp, targets: &[Target]) -> Result<ForeignGrasp, S
     }
     finite(translation)?;
     let camera_from_gripper = Pose::new(bop::rigid(rotation, translation)?);
-    Ok(ForeignGrasp { camera_from_gripper, width: *width, score: *score, index: *index })
+    Ok(ForeignGrasp { camera_from_gripper, width: *width, score: *score, index: *index, place: None })
 }

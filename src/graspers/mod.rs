@@ -15,6 +15,7 @@ use std::str::FromStr;
 use std::sync::Arc;
 
 use anyhow::Result;
+use grip_manip::place::PlaceWish;
 use grip_sim::frame::CameraFrame;
 use grip_sim::images::LabelImage;
 use grip_sim::pose::{Camera, Gripper, Object, Pose};
@@ -78,6 +79,8 @@ pub struct ForeignGrasp {
     pub score: f64,
     /// The object that it is meant for ([`Target::index`]); the one that is believed to be between the fingers where nothing is said.
     pub index: Option<usize>,
+    /// Where the object is to be put; our planner's choice where nothing is said.
+    pub place: Option<PlaceWish>,
 }
 
 /// Plans grasps from what the camera saw.

@@ -72,9 +72,9 @@ impl Trial<'_> {
     ) {
         let (meant, given): (Vec<Option<usize>>, Vec<GivenGrasp>) = found
             .into_iter()
-            .map(|ForeignGrasp { camera_from_gripper, width, score, index }| {
+            .map(|ForeignGrasp { camera_from_gripper, width, score, index, place }| {
                 let world_from_gripper = seen.frame.world_from_camera * camera_from_gripper;
-                (index, GivenGrasp { world_from_gripper, opening: width, score })
+                (index, GivenGrasp { world_from_gripper, opening: width, score, place })
             })
             .unzip();
         let gripped = self.planner.gripped_objects(&belief.scene, &given);

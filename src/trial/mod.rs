@@ -48,7 +48,9 @@ use crate::estimators::{Estimates, Estimator, EstimatorFailed};
 use crate::graspers::{Grasper, GrasperFailed};
 use crate::progress::{Interrupted, Progress};
 use crate::scenario::Scenario;
-use crate::score::outcome::{ItemTiming, Measures, Outcome, Stage, TRIAL_SCHEMA, Timing, TrialResult};
+use crate::score::outcome::{
+    ItemResult, ItemTiming, Measures, Outcome, Stage, TRIAL_SCHEMA, Timing, TrialResult,
+};
 use crate::score::record::{ItemRecord, failure_of, finish};
 use crate::score::{self, Bodies, GraspMonitor, JointLog, Location};
 use crate::setup::Setup;
@@ -501,6 +503,17 @@ impl<'a> Trial<'a> {
         for i in self.open_items() {
             self.records[i].fail(outcome, stage, failure.to_string());
         }
+    }
+
+    /// How the items would be scored if the trial ended now; of what comes to rest only later nothing is known yet. In the order of the
+    /// result's items.
+    pub fn standing(&self) -> Vec<ItemResult> {
+        let order = self.bodies.order(self.items);
+        let mut records: Vec<ItemRecord> = order.iter().map(|&i| self.records[i].clone()).collect();
+        let (bodies, still) = (self.bodies.reordered(&order), vec![0.0; self.world.object_count()]);
+        let criteria = &self.setup.settings.success;
+        let (scene, world) = (&self.setup.cell.scene, &self.world);
+        finish(scene, (world, &still), criteria, (&mut records, &bodies), self.items)
     }
 
     /// Waits until everything is at rest, and scores.

@@ -11,6 +11,7 @@ use super::settings::GraspSettings;
 use super::{hand_may_touch, narrow_opening};
 use crate::belief::{BeliefScene, BelievedObject};
 use crate::collision::{CollisionChecker, CollisionQuery, Margins};
+use crate::place::PlaceWish;
 
 /// Points of each object's surface by which it is told what is between the fingers.
 const SAMPLES: usize = 1000;
@@ -26,6 +27,8 @@ pub struct GivenGrasp {
     pub opening: Option<f64>,
     /// Larger is better.
     pub score: f64,
+    /// Where the object is to be put; the planner's choice where nothing is said.
+    pub place: Option<PlaceWish>,
 }
 
 /// The surface of a believed object as points, each for a share of its area.
@@ -188,6 +191,7 @@ mod tests {
                 )),
                 opening: None,
                 score: 1.0,
+                place: None,
             };
             let of = |above: f64| planner.gripped_objects(&belief, &[at(above)])[0];
             assert_eq!(of(0.0), Some(i), "{}", object.name);
@@ -207,6 +211,7 @@ mod tests {
             world_from_gripper: Pose::new(iso),
             opening: None,
             score,
+            place: None,
         };
         let grasps = [given(*ours.world_from_gripper.iso(), 1.0), given(aside, 2.0), given(under, 3.0)];
         let plan = planner.plan_pick_place_with(&belief, 0, &grasps, &q, Risk::Tolerant, 1).unwrap();
@@ -222,5 +227,30 @@ mod tests {
         assert!(off.norm() < 2e-3, "{off}");
         let none = planner.plan_pick_place_with(&belief, 0, &grasps[2..], &q, Risk::Tolerant, 1);
         assert!(none.unwrap_err().reason.contains("given"), "under the table");
+    }
+
+    #[test]
+    fn an_object_goes_where_it_is_wanted_or_nowhere() {
+        let (planner, q) = planner();
+        let belief = groceries();
+        let (ours, _) = planner.choose_grasp(&belief, 0, &q, None).unwrap();
+        let at = |bin_xy: [f64; 2], heading: f64| {
+            let place = Some(PlaceWish { bin_xy, heading: Some(heading) });
+            let world_from_gripper = ours.world_from_gripper;
+            let grasp = GivenGrasp { world_from_gripper, opening: None, score: 1.0, place };
+            planner.plan_pick_place_with(&belief, 0, &[grasp], &q, Risk::Tolerant, 1)
+        };
+        let settings = &planner.settings.place;
+        let places = crate::place::place_poses(&belief, 0, settings);
+        let reached: Vec<_> =
+            places.iter().filter_map(|p| Some((p, at(p.bin_xy, p.heading).ok()?))).collect();
+        assert!(!reached.is_empty(), "none of the best {}", places.len().min(4));
+        for (place, plan) in reached {
+            let off = plan.place.world_from_object.translation() - place.world_from_object.translation();
+            assert!(off.xy().norm() < 0.016, "{off}");
+        }
+        // Outside of the bin.
+        let stage = at([2.0, 0.0], 0.0).unwrap_err().stage;
+        assert_eq!(stage, crate::PlanStage::NoPlacePose);
     }
 }

@@ -5,11 +5,13 @@ use rand_chacha::ChaCha8Rng;
 use super::pick_place::{Attempt, Risk};
 use crate::belief::{BeliefScene, BinGeometry};
 use crate::grasp::{GivenGrasp, ObjectGrasps, free_given};
+use crate::place::wished_places;
 use crate::plan::{PickPlacePlan, PlanFailure};
 use crate::planner::Planner;
 
 impl Planner {
-    /// As [`Planner::plan_pick_place`], by grasps of others alone, best first by their score. A risk is one of places and lifts; whether a grasp is firm is for
+    /// As [`Planner::plan_pick_place`], by grasps of others alone, best first by their score, and to where the first of them that says so
+    /// wants the object. A risk is one of places and lifts; whether a grasp is firm is for
     /// their score to say.
     ///
     /// # Errors
@@ -63,6 +65,9 @@ impl Attempt<'_> {
             n => format!("the hand is free at none of {n} given grasps"),
         };
         grasps.truncate(planner.settings.grasp_tries);
-        self.plan_by(grasps, &mut None, rng)
+        let wish = given.iter().find_map(|grasp| grasp.place);
+        let place = &planner.settings.place;
+        let mut places = wish.map(|wish| wished_places(self.belief, self.target, place, &wish));
+        self.plan_by(grasps, &mut places, rng)
     }
 }

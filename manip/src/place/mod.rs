@@ -6,5 +6,5 @@ mod settings;
 mod support;
 
 pub use height_map::{HeightMap, Profile};
-pub use search::{PlacePose, bin_map, outline_in_bin, place_poses};
+pub use search::{PlacePose, PlaceWish, bin_map, outline_in_bin, place_poses, wished_places};
 pub use settings::PlaceSettings;

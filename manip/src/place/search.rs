@@ -38,6 +38,28 @@ pub struct PlacePose {
     pub stands: bool,
 }
 
+/// Where someone wants an object to be put, in the bin's frame.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct PlaceWish {
+    /// Centre of the object, metres.
+    pub bin_xy: [f64; 2],
+    /// Turn about the vertical from the orientation that it has now (or from its upright one), radians; any where none is given.
+    pub heading: Option<f64>,
+}
+
+impl PlaceWish {
+    /// How far a place may be from what is wished, metres; as near as places are tried at all, and half as much again.
+    const NEAR_M: f64 = 0.015;
+
+    /// How far a place is from it; none where that is too far.
+    fn distance(&self, place: &PlacePose, heading_step: f64) -> Option<f64> {
+        let off = (place.bin_xy[0] - self.bin_xy[0]).hypot(place.bin_xy[1] - self.bin_xy[1]);
+        let turned = self.heading.map_or(0.0, |heading| wrap(place.heading - heading).abs());
+        // A centimetre is as bad as a step of the headings.
+        (off <= Self::NEAR_M && turned <= heading_step).then_some(off + 0.01 * turned / heading_step)
+    }
+}
+
 /// The map of packed items' tops above the bin's floor, and which item each cell belongs to.
 pub fn bin_map(belief: &BeliefScene, cell: f64) -> (HeightMap, Vec<Option<usize>>) {
     let inner = belief.bin.inner;
@@ -91,6 +113,43 @@ fn resting_rotation(model: &ObjectModel, now: &UnitQuaternion<f64>) -> UnitQuate
 
 /// Places for object `target`, best first, none of them alike. Empty when there is none.
 pub fn place_poses(belief: &BeliefScene, target: usize, settings: &PlaceSettings) -> Vec<PlacePose> {
+    let mut found = all_places(belief, target, settings);
+    found.sort_by(|a, b| a.cost.total_cmp(&b.cost));
+    let mut kept: Vec<PlacePose> = Vec::new();
+    for place in found {
+        if kept.len() >= settings.keep {
+            break;
+        }
+        let alike = |other: &PlacePose| {
+            let d = (place.bin_xy[0] - other.bin_xy[0]).hypot(place.bin_xy[1] - other.bin_xy[1]);
+            d < settings.distinct_distance
+                && wrap(place.heading - other.heading).abs() < settings.distinct_angle
+        };
+        if !kept.iter().any(alike) {
+            kept.push(place);
+        }
+    }
+    kept
+}
+
+/// Places for object `target` where someone wants it, the nearest first. Empty when it can be put nowhere near.
+pub fn wished_places(
+    belief: &BeliefScene,
+    target: usize,
+    settings: &PlaceSettings,
+    wish: &PlaceWish,
+) -> Vec<PlacePose> {
+    let step = TAU / settings.headings as f64;
+    let near = |place: PlacePose| Some((wish.distance(&place, step)?, place));
+    let mut found: Vec<(f64, PlacePose)> =
+        all_places(belief, target, settings).into_iter().filter_map(near).collect();
+    found.sort_by(|a, b| a.0.total_cmp(&b.0));
+    found.truncate(settings.keep);
+    found.into_iter().map(|(_, place)| place).collect()
+}
+
+/// All places for object `target`.
+fn all_places(belief: &BeliefScene, target: usize, settings: &PlaceSettings) -> Vec<PlacePose> {
     let object = &belief.objects[target];
     let model = &object.model;
     let mut others = belief.clone();
@@ -169,22 +228,7 @@ pub fn place_poses(belief: &BeliefScene, target: usize, settings: &PlaceSettings
             }
         }
     }
-    found.sort_by(|a, b| a.cost.total_cmp(&b.cost));
-    let mut kept: Vec<PlacePose> = Vec::new();
-    for place in found {
-        if kept.len() >= settings.keep {
-            break;
-        }
-        let alike = |other: &PlacePose| {
-            let d = (place.bin_xy[0] - other.bin_xy[0]).hypot(place.bin_xy[1] - other.bin_xy[1]);
-            d < settings.distinct_distance
-                && wrap(place.heading - other.heading).abs() < settings.distinct_angle
-        };
-        if !kept.iter().any(alike) {
-            kept.push(place);
-        }
-    }
-    kept
+    found
 }
 
 /// Lowest and highest offset of the cells along x and y.
