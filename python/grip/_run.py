@@ -8,7 +8,7 @@ import os
 import sys
 import tempfile
 from dataclasses import asdict, fields, is_dataclass
-from typing import Any, Mapping, Optional
+from typing import Any, Iterable, Mapping, Optional
 
 from . import _grip
 
@@ -131,7 +131,7 @@ def some(given: Any, fallback: str) -> Optional[list[Any]]:
         return None
     if isinstance(given, Mapping):
         return [f"{name}={who}" if isinstance(who, str) else (name, who) for name, who in given.items()]
-    one = isinstance(given, (str, tuple)) or callable(given)
+    one = isinstance(given, (str, tuple)) or callable(given) or not isinstance(given, Iterable)
     return [named(who, fallback) for who in ([given] if one else given)]
 
 

@@ -100,12 +100,3 @@ class Scene(_grip.Scene):
                 many(package_path),
                 settings_file(settings, folder),
             )
-
-    def world(self, renderer: str = "auto") -> _grip.World:
-        """A physics world in which the scene's objects are at rest; who draws is ``auto``, ``wgpu`` or ``cpu``."""
-        return _grip.World(self, renderer)
-
-    def estimator(self, kind: str = "grip", *, detector: str = "pyramid", detector_model: Optional[Path] = None) -> _grip.Estimator:
-        """One of our own estimators for it: ``grip``, ``paper`` or ``paper-guarded``, behind a detector: ``pyramid``, ``clusters`` or
-        ``none``."""
-        return _grip.Estimator(self, kind, detector=detector, detector_model=detector_model)

@@ -8,8 +8,8 @@ from __future__ import annotations
 import os
 from typing import Any, Literal, Mapping, Optional, Sequence, Union
 
-from . import results
-from ._run import run
+from . import results as _results
+from ._run import run as _run
 from .functions import EstimatorFunction, GrasperFunction
 from .results import DataSet, Estimates, Evaluation, Sweep, Trial, Trials
 from .settings import Settings
@@ -93,7 +93,7 @@ def pack(
     """
     options = {key: value for key, value in locals().items() if key != "progress" and value is not False}
     options["json"] = True
-    return results.of("pack", options, *run("pack", options, progress))
+    return _results.of("pack", options, *_run("pack", options, progress))
 
 
 def trials(
@@ -161,7 +161,7 @@ def trials(
     """
     options = {key: value for key, value in locals().items() if key != "progress" and value is not False}
     options["json"] = True
-    return results.of("trials", options, *run("trials", options, progress))
+    return _results.of("trials", options, *_run("trials", options, progress))
 
 
 def merge(
@@ -182,7 +182,7 @@ def merge(
     """
     options = {key: value for key, value in locals().items() if key != "progress" and value is not False}
     options["json"] = True
-    return results.of("merge", options, *run("merge", options, progress))
+    return _results.of("merge", options, *_run("merge", options, progress))
 
 
 def sweep(
@@ -245,7 +245,7 @@ def sweep(
     """
     options = {key: value for key, value in locals().items() if key != "progress" and value is not False}
     options["json"] = True
-    return results.of("sweep", options, *run("sweep", options, progress))
+    return _results.of("sweep", options, *_run("sweep", options, progress))
 
 
 def report(
@@ -265,7 +265,7 @@ def report(
         Error: With the text that the command prints.
     """
     options = {key: value for key, value in locals().items() if key != "progress" and value is not False}
-    results.of("report", options, *run("report", options, progress))
+    _results.of("report", options, *_run("report", options, progress))
 
 
 def plan(
@@ -297,7 +297,7 @@ def plan(
     """
     options = {key: value for key, value in locals().items() if key != "progress" and value is not False}
     options["json"] = True
-    return results.of("plan", options, *run("plan", options, progress))
+    return _results.of("plan", options, *_run("plan", options, progress))
 
 
 def render(
@@ -340,7 +340,7 @@ def render(
         Error: With the text that the command prints.
     """
     options = {key: value for key, value in locals().items() if key != "progress" and value is not False}
-    results.of("render", options, *run("render", options, progress))
+    _results.of("render", options, *_run("render", options, progress))
 
 
 def scenes(
@@ -412,7 +412,7 @@ def scenes(
     """
     options = {key: value for key, value in locals().items() if key != "progress" and value is not False}
     options["json"] = True
-    return results.of("scenes", options, *run("scenes", options, progress))
+    return _results.of("scenes", options, *_run("scenes", options, progress))
 
 
 def detect(
@@ -453,7 +453,7 @@ def detect(
     """
     options = {key: value for key, value in locals().items() if key != "progress" and value is not False}
     options["json"] = True
-    return results.of("detect", options, *run("detect", options, progress))
+    return _results.of("detect", options, *_run("detect", options, progress))
 
 
 def estimate(
@@ -511,7 +511,7 @@ def estimate(
     """
     options = {key: value for key, value in locals().items() if key != "progress" and value is not False}
     options["json"] = True
-    return results.of("estimate", options, *run("estimate", options, progress))
+    return _results.of("estimate", options, *_run("estimate", options, progress))
 
 
 def evaluate(
@@ -544,7 +544,7 @@ def evaluate(
     """
     options = {key: value for key, value in locals().items() if key != "progress" and value is not False}
     options["json"] = True
-    return results.of("eval", options, *run("eval", options, progress))
+    return _results.of("eval", options, *_run("eval", options, progress))
 
 
 def explain(
@@ -577,7 +577,7 @@ def explain(
     """
     options = {key: value for key, value in locals().items() if key != "progress" and value is not False}
     options["json"] = True
-    return results.of("explain", options, *run("explain", options, progress))
+    return _results.of("explain", options, *_run("explain", options, progress))
 
 
 def convergence(
@@ -619,7 +619,7 @@ def convergence(
     """
     options = {key: value for key, value in locals().items() if key != "progress" and value is not False}
     options["json"] = True
-    return results.of("convergence", options, *run("convergence", options, progress))
+    return _results.of("convergence", options, *_run("convergence", options, progress))
 
 
 def grasps(
@@ -653,7 +653,7 @@ def grasps(
     """
     options = {key: value for key, value in locals().items() if key != "progress" and value is not False}
     options["json"] = True
-    return results.of("grasps", options, *run("grasps", options, progress))
+    return _results.of("grasps", options, *_run("grasps", options, progress))
 
 
 def export(
@@ -699,7 +699,7 @@ def export(
         Error: With the text that the command prints.
     """
     options = {key: value for key, value in locals().items() if key != "progress" and value is not False}
-    results.of("export", options, *run("export", options, progress))
+    _results.of("export", options, *_run("export", options, progress))
 
 
 def robot(
@@ -735,7 +735,7 @@ def robot(
     """
     options = {key: value for key, value in locals().items() if key != "progress" and value is not False}
     options["json"] = True
-    return results.of("robot", options, *run("robot", options, progress))
+    return _results.of("robot", options, *_run("robot", options, progress))
 
 
 def init(
@@ -753,4 +753,4 @@ def init(
         Error: With the text that the command prints.
     """
     options = {key: value for key, value in locals().items() if key != "progress" and value is not False}
-    results.of("init", options, *run("init", options, progress))
+    _results.of("init", options, *_run("init", options, progress))

@@ -79,10 +79,16 @@ fn array<'py, T: Element>(
 /// Numbers of a small matrix: an array of any type of numbers, or nested lists of them.
 fn matrix<const N: usize>(value: &Bound<'_, PyAny>, name: &str, side: usize) -> Result<[f64; N]> {
     let wanted = format!("a {side} x {side} matrix of numbers");
-    let as_array = || -> PyResult<Bound<'_, PyAny>> {
-        value.py().import("numpy")?.call_method1("asarray", (value, "float64"))
+    let as_array = || -> PyResult<Option<Bound<'_, PyAny>>> {
+        let array = value.py().import("numpy")?.call_method1("asarray", (value,))?;
+        let kind: String = array.getattr("dtype")?.getattr("kind")?.extract()?;
+        // Neither truth values, nor complex numbers, nor texts that look like numbers.
+        if !["f", "i", "u"].contains(&kind.as_str()) {
+            return Ok(None);
+        }
+        array.call_method1("astype", ("float64",)).map(Some)
     };
-    let converted = as_array().map_err(|_| anyhow::anyhow!("{name}: give {wanted}"))?;
+    let converted = as_array().ok().flatten().with_context(|| format!("{name}: give {wanted}"))?;
     let numbers = array::<f64>(&converted, name, &wanted)?;
     let view = numbers.as_array();
     ensure!(view.shape() == [side, side], "{name}: has shape {:?}: give {wanted}", view.shape());

@@ -79,7 +79,7 @@ impl Estimator {
     /// `kind`: grip, paper or paper-guarded. `detector`: pyramid, clusters or none.
     #[new]
     #[pyo3(signature = (scene, kind = "grip", *, detector = "pyramid", detector_model = None))]
-    fn create(
+    pub fn create(
         py: Python<'_>,
         scene: Py<Scene>,
         kind: &str,

@@ -16,7 +16,7 @@ use pyo3::types::PyDict;
 
 use crate::arrays;
 use crate::error::{exception, raised};
-use crate::estimators::Model;
+use crate::estimators::{Estimator, Model};
 use crate::frame::Frame;
 use crate::process::pooled;
 
@@ -90,6 +90,24 @@ impl Scene {
             });
             opened.map_err(exception)
         })
+    }
+
+    /// A physics world in which its objects are at rest; who draws is auto, wgpu or cpu.
+    #[pyo3(signature = (renderer = "auto"))]
+    fn world(&self, py: Python<'_>, renderer: &str) -> PyResult<World> {
+        World::create(py, self, renderer)
+    }
+
+    /// One of our own estimators for it: grip, paper or paper-guarded, behind a detector: pyramid, clusters or none.
+    #[pyo3(signature = (kind = "grip", *, detector = "pyramid", detector_model = None))]
+    fn estimator(
+        slf: Py<Self>,
+        py: Python<'_>,
+        kind: &str,
+        detector: &str,
+        detector_model: Option<PathBuf>,
+    ) -> PyResult<Estimator> {
+        Estimator::create(py, slf, kind, detector, detector_model)
     }
 
     /// The same scene for another seed; no file is read again.

@@ -83,7 +83,7 @@ def test_a_look_is_numpy_and_not_a_copy(frame):
 def test_what_was_written_into_a_frame_counts(scene, frame):
     copy = grip.Frame(frame.rgb, frame.depth, frame.K, frame.world_from_camera)
     estimator = scene.estimator(detector="clusters")
-    before = estimator.estimate(copy, [0], seed=3)[0]
+    assert estimator.estimate(copy, [0], seed=3)[0].confidence > 0.5
     copy.depth[:] = 0.0
-    blind = estimator.estimate(copy, [0], seed=3)[0]
-    assert before.confidence > 0.5 > blind.confidence
+    with pytest.raises(grip.Error, match="no reading"):
+        estimator.estimate(copy, [0], seed=3)

@@ -41,7 +41,7 @@ def test_a_scene_may_be_a_dictionary():
     scene = grip.Scene(groceries, seed=3, condition="dark", settings={"belief": {"follow": True}})
     assert (scene.objects, scene.condition, scene.packable) == (["025_mug", "011_banana"], "dark", 2)
     groceries["table"]["height"] = "high"
-    with pytest.raises(grip.Error, match="table"):
+    with pytest.raises(grip.Error, match="height"):
         grip.Scene(groceries)
 
 

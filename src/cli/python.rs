@@ -45,8 +45,8 @@ from __future__ import annotations
 import os
 from typing import Any, Literal, Mapping, Optional, Sequence, Union
 
-from . import results
-from ._run import run
+from . import results as _results
+from ._run import run as _run
 from .functions import EstimatorFunction, GrasperFunction
 from .results import DataSet, Estimates, Evaluation, Sweep, Trial, Trials
 from .settings import Settings
@@ -174,7 +174,7 @@ fn function(page: &mut String, verb: &clap::Command, name: &str, returns: &str) 
         *page += "    options[\"json\"] = True\n";
     }
     let called = format!(
-        "results.of(\"{}\", options, *run(\"{}\", options, progress))",
+        "_results.of(\"{}\", options, *_run(\"{}\", options, progress))",
         verb.get_name(),
         verb.get_name()
     );
