@@ -275,7 +275,7 @@ impl Plan {
             }
         }
         ensure!(
-            first_seed.checked_add(u64::from(options.trials)).is_some(),
+            first_seed.checked_add(u64::from(options.trials).saturating_sub(1)).is_some(),
             "--seed {first_seed}: too large for {} trials; give a lower one",
             options.trials
         );
@@ -325,7 +325,7 @@ impl Plan {
     /// The trials of the shard, by seed first: those that are to be compared come one after the other.
     pub fn cases(&self) -> Vec<Case> {
         let Shard { index, of } = self.shard.unwrap_or(Shard { index: 1, of: 1 });
-        let all = self.first_seed..self.first_seed + u64::from(self.seeds);
+        let all = (0..u64::from(self.seeds)).map(|i| self.first_seed + i);
         self.cases_of(all.skip(index - 1).step_by(of))
     }
 

@@ -51,12 +51,13 @@ pub struct Merged {
 pub fn merge(campaign: &Campaign, out: &Path, progress: &dyn Progress) -> Result<Merged> {
     let manifest = &campaign.manifest;
     nothing_else(campaign)?;
-    let missing: Vec<usize> = (0..manifest.units.len())
-        .filter(|&number| !unit::done(campaign, number).is_ok_and(|done| done.is_some()))
-        .collect();
-    if let Some(&first) = missing.first() {
-        // Says why, where done.json is there but wrong.
-        unit::done(campaign, first)?;
+    let mut missing = Vec::new();
+    for number in 0..manifest.units.len() {
+        if unit::done(campaign, number)?.is_none() {
+            missing.push(number);
+        }
+    }
+    if !missing.is_empty() {
         bail!(
             "{}: {} of {} units are not done: {}",
             campaign.folder.display(),

@@ -53,7 +53,7 @@ pub fn run(args: &CampaignPlanArgs) -> Result<Done> {
     } else {
         let items: u64 = units.iter().map(|unit| unit.items).sum();
         output::data(format_args!(
-            "{name}: {} units of {items} {}: {}\nnext: grip campaign run {} --shard 1/1, or a task for each of the units 0-{} (docs/campaigns.md)",
+            "{name}: {} units of {items} items ({}): {}\nnext: grip campaign run {} --shard 1/1, or a task for each of the units 0-{} (docs/campaigns.md)",
             units.len(),
             verb.items(),
             args.out.display(),

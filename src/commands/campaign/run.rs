@@ -60,7 +60,7 @@ fn run_units(args: &CampaignRunArgs) -> Result<Done> {
 
     let jobs = args.jobs.map_or_else(workers::cores, |jobs| jobs as usize);
     for number in missing {
-        let progress = Bar::new(&format!("of unit {number}"));
+        let progress = Bar::new(&format!("results of unit {number}"));
         let ran = unit::run(&campaign, number, &work as &dyn Work, &node, jobs, &progress);
         progress.finish();
         match ran {

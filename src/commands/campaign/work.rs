@@ -109,6 +109,10 @@ impl Opened {
             Self::Scenes { plan, .. } => (1, u64::from(plan.scenes)),
             Self::Estimate { sequences, .. } => (0, sequences.len() as u64),
         };
+        ensure!(
+            first.checked_add(items).is_some(),
+            "seed = {first}: too large for {items} seeds; give a lower one"
+        );
         let mut next = first;
         let mut listed = Listed::default();
         header
@@ -205,6 +209,17 @@ impl Opened {
 }
 
 impl Work for Opened {
+    fn check(&self, unit: &Unit) -> Result<()> {
+        let Self::Estimate { args, .. } = self else { return Ok(()) };
+        ensure!(
+            self.images(unit.first, unit.items, &mut Listed::default())? == unit.images,
+            "{}: pictures or truth of the unit's images are not what they were when the campaign was planned; put them back, or plan anew \
+             into another folder",
+            args.dataset.display()
+        );
+        Ok(())
+    }
+
     fn run(&self, unit: &Unit, folder: &Path, jobs: usize, progress: &dyn Progress) -> Result<Ran> {
         let seeds = unit.first..unit.first + unit.items;
         let all = self.job().results(unit);
@@ -232,12 +247,6 @@ impl Work for Opened {
                 Ok(Ran { results, left_out: 0, kept: u64::from(made.kept) })
             }
             Self::Estimate { args, opened, .. } => {
-                let images = self.images(unit.first, unit.items, &mut Listed::default())?;
-                ensure!(
-                    images == unit.images,
-                    "{}: pictures or truth of these images are not what they were when the campaign was planned",
-                    args.dataset.display()
-                );
                 let posteriors = folder.join(POSTERIORS);
                 let mut run = opened.run(args);
                 run.posteriors = args.posteriors.as_ref().map(|_| posteriors.as_path());

@@ -224,7 +224,7 @@ impl Sweep {
                 "--range: {value} {what}: must be above 0 and at most {most}"
             );
         }
-        let mut setup = Setup::open(&options.setup)?;
+        let mut setup = Setup::open_bare(&options.setup)?;
         let strongest = setup.cell.config.gripper.max_force;
         for (value, most, option) in
             [(options.friction, 2.0, "--friction"), (options.force_n, strongest, "--force")]
