@@ -28,6 +28,8 @@ pub mod merge;
 pub mod node;
 pub mod select;
 pub mod status;
+#[cfg(test)]
+mod tests;
 pub mod unit;
 
 pub use file::{CampaignFile, Verb};

@@ -110,10 +110,10 @@ mod tests {
             move |name: &str| pairs.iter().find(|(n, _)| *n == name).map(|(_, value)| (*value).to_owned())
         };
         let slurm = environment(&[("SLURM_ARRAY_TASK_ID", "4")]);
-        assert_eq!(units(9, None, None, &slurm).unwrap(), [4]);
-        assert_eq!(units(9, Some(&Numbers(vec![1, 2])), None, &slurm).unwrap(), [1, 2]);
-        assert_eq!(units(9, None, Some(Shard { index: 2, of: 4 }), &slurm).unwrap(), [1, 5]);
-        assert!(units(4, None, None, &slurm).unwrap_err().to_string().contains("no unit 4"));
+        assert_eq!(units(9, None, None, slurm).unwrap(), [4]);
+        assert_eq!(units(9, Some(&Numbers(vec![1, 2])), None, slurm).unwrap(), [1, 2]);
+        assert_eq!(units(9, None, Some(Shard { index: 2, of: 4 }), slurm).unwrap(), [1, 5]);
+        assert!(units(4, None, None, slurm).unwrap_err().to_string().contains("no unit 4"));
         assert_eq!(units(9, None, None, environment(&[("JOB_COMPLETION_INDEX", "0")])).unwrap(), [0]);
         let both = environment(&[("SLURM_ARRAY_TASK_ID", "4"), ("JOB_COMPLETION_INDEX", "5")]);
         assert!(units(9, None, None, both).unwrap_err().to_string().contains("contradict"));
@@ -121,7 +121,7 @@ mod tests {
         assert!(units(9, None, None, environment(&[("SLURM_ARRAY_TASK_ID", "x")])).is_err());
         // All shards together have every unit once.
         let mut all: Vec<usize> =
-            (1..=4).flat_map(|index| units(9, None, Some(Shard { index, of: 4 }), &slurm).unwrap()).collect();
+            (1..=4).flat_map(|index| units(9, None, Some(Shard { index, of: 4 }), slurm).unwrap()).collect();
         all.sort_unstable();
         assert_eq!(all, Vec::from_iter(0..9));
     }

@@ -30,7 +30,7 @@ const ESTIMATE: &str = "estimate.json";
 /// A verb, ready to run any of its items.
 pub enum Opened {
     Trials { plan: plan::Plan, renderer: RendererChoice },
-    Sweep(sweep::Sweep),
+    Sweep(Box<sweep::Sweep>),
     Scenes { setup: Box<Setup>, plan: Box<dataset::Plan>, renderer: RendererChoice },
     Estimate { args: Box<EstimateArgs>, opened: estimate::Opened, sequences: Vec<Vec<(u32, u32)>> },
 }
@@ -58,7 +58,7 @@ impl Opened {
     }
 
     fn sweep(args: &SweepArgs) -> Result<Self> {
-        Ok(Self::Sweep(sweep::Sweep::open(&args.options()?)?))
+        Ok(Self::Sweep(Box::new(sweep::Sweep::open(&args.options()?)?)))
     }
 
     fn scenes(args: &ScenesArgs) -> Result<Self> {
