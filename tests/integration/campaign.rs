@@ -190,7 +190,7 @@ fn trials_by_units_are_the_trials_undisturbed() {
 #[test]
 fn a_sweep_by_units_is_the_sweep_undisturbed() {
     let campaign = Campaign::plan(
-        "[campaign]\nname = \"sweep\"\nitems_per_unit = 2\n\n[sweep]\nobjects = [\"011_banana\", \"005_tomato_soup_can\"]\n\
+        "[campaign]\nname = \"sweep\"\nitems_per_unit = 2\n\n[sweep]\nnames = [\"011_banana\", \"005_tomato_soup_can\"]\n\
          seeds = 3\nsamples = 3\naxes = \"y\"\n",
     );
     campaign.disturb(0, "-KILL", has_lines("grasps.jsonl", 2));
@@ -303,7 +303,7 @@ fn what_cannot_be_planned_or_run_is_said_by_name() {
         ("[campaign]\nname = \"a\"\n[sweep]\nseeds = 2\n", "give units or items_per_unit"),
         (&format!("{head}[sweep]\nseeds = 1\n"), "1 to 1"),
         (&format!("{head}[sweep]\nseed_count = 1\n"), "seed_count: grip sweep has no such option"),
-        (&format!("{head}[sweep]\nobjects = [\"none\"]\n"), "unknown object 'none'"),
+        (&format!("{head}[sweep]\nnames = [\"none\"]\n"), "unknown object 'none'"),
         (&format!("{head}[trials]\nout = \"x\"\n"), "the campaign decides it"),
         (&format!("{head}[trials]\nscene = \"none.toml\"\nestimators = \"truth\"\n"), "none.toml"),
         (&format!("{head}[estimate]\ndataset = \"none\"\n"), "none"),

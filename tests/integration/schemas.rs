@@ -117,7 +117,7 @@ fn files_keep_to_their_schemas() {
 
     // A campaign of two units, one of which cannot be done.
     let (file, campaign) = (tour.folder.join("campaign.toml"), tour.path("campaign"));
-    let few = "objects = [\"036_wood_block\"]\nmode = \"isotropic\"\nsamples = 2\nseeds = 2\n";
+    let few = "names = [\"036_wood_block\"]\nmode = \"isotropic\"\nsamples = 2\nseeds = 2\n";
     std::fs::write(&file, format!("[campaign]\nname = \"tour\"\nunits = 2\n[sweep]\n{few}")).unwrap();
     tour.has("campaign-file", &file);
     tour.run(&["campaign", "plan", file.to_str().unwrap(), "--out", &campaign]);

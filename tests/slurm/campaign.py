@@ -200,7 +200,7 @@ def run(cluster, grip, folder, options):
     """The campaign, and what comes out of it."""
     file, campaign, log = folder / "campaign.toml", folder / "campaign", folder / "logs"
     log.mkdir()
-    rows = [f'objects = ["{SWEEP["objects"]}"]', f'axes = "{SWEEP["axes"]}"', f"samples = {SWEEP['samples']}"]
+    rows = [f'names = ["{SWEEP["objects"]}"]', f'axes = "{SWEEP["axes"]}"', f"samples = {SWEEP['samples']}"]
     sweep = "\n".join([*rows, f"seeds = {options.units}"])
     file.write_text(f'[campaign]\nname = "slurm"\nunits = {options.units}\n\n[sweep]\n{sweep}\n')
     subprocess.run([grip, "campaign", "plan", file, "--out", campaign], check=True)
