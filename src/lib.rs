@@ -33,6 +33,7 @@
 //! | [`trial`] | one trial: look, believe, choose, act, settle |
 //! | [`score`] | what counts as a success, and what a trial was like |
 //! | [`experiment`] | many trials, sweeps of pose errors, statistics, reports |
+//! | [`campaign`] | any of these, cut into units for clusters, and put together |
 //! | [`dataset`] | data sets in BOP's format, made |
 //! | [`benchmark`] | poses of any BOP data set, estimated and measured |
 //! | [`robot`] | whether a robot fits its cell, and how it looks |
@@ -48,6 +49,7 @@
 
 pub mod assets;
 pub mod benchmark;
+pub mod campaign;
 pub mod cell;
 #[cfg(feature = "cli")]
 mod cli;

@@ -3,6 +3,7 @@
 use std::collections::{BTreeMap, HashMap, HashSet, VecDeque};
 use std::fs::{File, OpenOptions};
 use std::io::Write;
+use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -48,6 +49,8 @@ pub struct Run<'a> {
     pub settings: String,
     /// Where the posteriors go, too: JSON, a line an estimate, in the order of the results ([`PosteriorLine`]).
     pub posteriors: Option<&'a Path>,
+    /// Only these of the [`sequences`]: from a position on, so many; all where it is none.
+    pub only: Option<Range<usize>>,
     /// Threads. Images (when tracking: scenes) are shared among them; each of them times its own, and does nothing else meanwhile.
     pub jobs: usize,
 }
@@ -128,7 +131,12 @@ impl Run<'_> {
     /// When an image or model cannot be read, or a file not written; what is done by then is kept for `resume`.
     pub fn write(&self, out: &Path, resume: bool, progress: &dyn Progress) -> Result<Estimated> {
         anyhow::ensure!(!out.is_dir(), "--out {}: is a folder; give a file", out.display());
-        let wanted = wanted(self.dataset, self.absent, self.seed)?;
+        let mut wanted = wanted(self.dataset, self.absent, self.seed)?;
+        if let Some(only) = &self.only {
+            let images: HashSet<(u32, u32)> =
+                grouped(wanted.keys(), self.track.is_some()).drain(only.clone()).flatten().collect();
+            wanted.retain(|image, _| images.contains(image));
+        }
         let models = models_of(self.dataset, &wanted)?;
 
         self.boxes.check(models.values(), &wanted.keys().copied().collect())?;
@@ -341,6 +349,26 @@ impl Run<'_> {
         std::fs::write(partial, text).with_context(|| cannot_write(partial))?;
         OpenOptions::new().append(true).open(partial).with_context(|| cannot_write(partial))
     }
+}
+
+/// The images that are asked for, by scene and number, in parts that can be estimated apart from each other: each by itself, or, where
+/// objects are followed, those of a scene together.
+///
+/// # Errors
+/// When the truth or the targets cannot be read.
+pub fn sequences(dataset: &Dataset, track: bool) -> Result<Vec<Vec<(u32, u32)>>> {
+    Ok(grouped(wanted(dataset, 0, 0)?.keys(), track))
+}
+
+fn grouped<'a>(images: impl Iterator<Item = &'a (u32, u32)>, track: bool) -> Vec<Vec<(u32, u32)>> {
+    let images: Vec<(u32, u32)> = images.copied().collect();
+    images.chunk_by(|a, b| track && a.0 == b.0).map(<[_]>::to_vec).collect()
+}
+
+/// How many images a run that was stopped has finished, by the file of its name beside `out`.
+pub fn finished(out: &Path) -> usize {
+    let text = partial_path(out).ok().and_then(|path| std::fs::read_to_string(path).ok());
+    text.map_or(0, |text| marked(&text).count())
 }
 
 /// What is asked for, by image: the data set's targets, else all that is in the truth.

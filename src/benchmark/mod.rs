@@ -23,7 +23,9 @@ pub use convergence::{Contender, Convergence, Search, SearchSummary, Searches, q
 pub use credibility::{Credibilities, Credibility, LEVELS, credibility};
 pub use detection::{DetectionFigures, MOST_BOXES, ObjectImage, measure, truth_boxes};
 pub(crate) use estimates::camera_frame;
-pub use estimates::{Estimated, FrameEstimator, PosteriorLine, Run, asked_models};
+pub use estimates::{
+    Estimated, FrameEstimator, PosteriorLine, Run, asked_models, finished as finished_images, sequences,
+};
 pub use evaluation::{Evaluation, Figures, Kind, THRESHOLDS, evaluate, views};
 pub use objects::load as load_object;
 pub use paper::{Area, PaperTable};

@@ -12,6 +12,7 @@ use clap::{Args, Parser, Subcommand, ValueEnum};
 use grip_sim::camera::Intrinsics;
 use grip_sim::robot::{RobotConfig, RobotModel};
 
+mod campaigns;
 mod data_sets;
 mod experiments;
 mod objects;
@@ -19,6 +20,9 @@ pub mod options;
 #[cfg(test)]
 mod python;
 
+pub use campaigns::{
+    CampaignArgs, CampaignCommand, CampaignMergeArgs, CampaignPlanArgs, CampaignRunArgs, CampaignStatusArgs,
+};
 pub use data_sets::{
     ConvergenceArgs, DetectArgs, DetectorArgs, EstimateArgs, EvalArgs, ExplainArgs, ScenesArgs, SearchChoice,
 };
@@ -46,6 +50,8 @@ pub enum Command {
     Trials(TrialsArgs),
     /// Put the shards of an experiment together.
     Merge(MergeArgs),
+    /// Run trials, sweep, scenes or estimate on many machines: cut into units, each resumed, checked, and put together.
+    Campaign(CampaignArgs),
     /// Try grasps under known pose errors: what error does a grasp forgive?
     Sweep(SweepArgs),
     /// Make a page, and CSV files, of experiments, sweeps and single runs.

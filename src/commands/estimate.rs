@@ -24,7 +24,8 @@ pub const SCHEMA: &str = "grip.estimate/1";
 #[derive(Serialize, JsonSchema)]
 pub struct EstimateReport<'a> {
     schema: &'static str,
-    settings: &'a RunDescription<'a>,
+    #[schemars(with = "RunDescription<'_>")]
+    settings: &'a Value,
     /// The results file.
     #[serde(serialize_with = "grip_sim::files::shown")]
     out: &'a Path,
@@ -66,13 +67,61 @@ struct RunDescription<'a> {
 }
 
 /// Who estimates.
-enum Opened {
+enum Who {
     Ours(Box<dyn PoseEstimator>),
     Program(Box<External>),
 }
 
+/// All that estimates depend on, opened.
+pub struct Opened {
+    /// The images.
+    pub dataset: Dataset,
+    boxes: Boxes,
+    estimator: Who,
+    /// After how many images of a sequence boxes are looked for again at the latest, where objects are followed.
+    pub track: Option<usize>,
+    description: Value,
+}
+
+impl Opened {
+    /// What poses depend on, as JSON.
+    pub fn description(&self) -> &Value {
+        &self.description
+    }
+
+    /// A run over all images.
+    pub fn run<'a>(&'a self, args: &'a EstimateArgs) -> Run<'a> {
+        Run {
+            dataset: &self.dataset,
+            boxes: &self.boxes,
+            estimator: match &self.estimator {
+                Who::Ours(estimator) => FrameEstimator::Ours(&**estimator),
+                Who::Program(program) => FrameEstimator::Program(program),
+            },
+            track: self.track,
+            absent: args.absent as usize,
+            seed: args.seed,
+            settings: self.description.to_string(),
+            posteriors: args.posteriors.as_deref(),
+            only: None,
+            jobs: args.jobs.map_or_else(workers::cores, |jobs| jobs as usize),
+        }
+    }
+}
+
 /// Writes the results file.
 pub fn run(args: &EstimateArgs) -> Result<Done> {
+    let opened = open(args)?;
+    let progress = Bar::new("images");
+    let began = Instant::now();
+    let estimated = opened.run(args).write(&args.out, args.resume, &progress);
+    progress.finish();
+    report(args, &opened, &estimated?, began.elapsed().as_secs_f64())?;
+    Ok(Done::Fully)
+}
+
+/// Opens all that the options name.
+pub fn open(args: &EstimateArgs) -> Result<Opened> {
     let dataset = Dataset::open(&args.dataset, args.split.as_deref())?;
     let settings = for_dataset(args.settings.load()?, &args.dataset);
     let ours = args.estimator == EstimatorKind::Grip;
@@ -94,17 +143,17 @@ pub fn run(args: &EstimateArgs) -> Result<Done> {
     let (estimator, settings) = match (&args.estimator, args.estimator.second_stage()) {
         (_, Some(stage)) => {
             let (estimator, settings) = SecondStage::open(stage, &settings, renderer, None, false)?;
-            (Opened::Ours(estimator), settings)
+            (Who::Ours(estimator), settings)
         }
         (EstimatorKind::Command { command, .. }, _) => {
             let models = asked_models(&dataset, args.absent as usize, args.seed)?;
             let program = External::for_images(command, settings.trial.estimator_timeout_s, models)?;
             let description = program.description();
-            (Opened::Program(Box::new(program)), description)
+            (Who::Program(Box::new(program)), description)
         }
         (EstimatorKind::Given(given), _) => {
             let description = given.who.description();
-            (Opened::Program(Box::new(External::given_for_images(given.who.clone()))), description)
+            (Who::Program(Box::new(External::given_for_images(given.who.clone()))), description)
         }
         (other, _) => anyhow::bail!(
             "--estimator {}: has nothing to say of a data set; give grip, paper, paper-guarded or cmd:PROGRAM (grip eval \
@@ -125,35 +174,19 @@ pub fn run(args: &EstimateArgs) -> Result<Done> {
         hypotheses,
         settings,
     };
-    let run = Run {
-        dataset: &dataset,
-        boxes: &boxes,
-        estimator: match &estimator {
-            Opened::Ours(estimator) => FrameEstimator::Ours(&**estimator),
-            Opened::Program(program) => FrameEstimator::Program(program),
-        },
-        track: args.track.then_some(again),
-        absent: args.absent as usize,
-        seed: args.seed,
-        settings: serde_json::to_value(&described)?.to_string(),
-        posteriors: args.posteriors.as_deref(),
-        jobs: args.jobs.map_or_else(workers::cores, |jobs| jobs as usize),
-    };
-    let progress = Bar::new("images");
-    let began = Instant::now();
-    let estimated = run.write(&args.out, args.resume, &progress);
-    progress.finish();
-    report(args, &described, &estimated?, began.elapsed().as_secs_f64())?;
-    Ok(Done::Fully)
+    let description = serde_json::to_value(&described)?;
+    let track = args.track.then_some(again);
+    Ok(Opened { dataset, boxes, estimator, track, description })
 }
 
-fn report(args: &EstimateArgs, run: &RunDescription<'_>, estimated: &Estimated, wall_s: f64) -> Result<()> {
+fn report(args: &EstimateArgs, opened: &Opened, estimated: &Estimated, wall_s: f64) -> Result<()> {
+    let text = |field: &str| opened.description[field].as_str().unwrap_or_default();
     let out = &args.out;
     let Estimated { images, kept, poses, seconds, failed } = *estimated;
     if args.json {
         return output::json(&EstimateReport {
             schema: SCHEMA,
-            settings: run,
+            settings: &opened.description,
             out,
             images,
             kept,
@@ -163,7 +196,7 @@ fn report(args: &EstimateArgs, run: &RunDescription<'_>, estimated: &Estimated, 
             image_s: seconds / images.max(1) as f64,
         });
     }
-    let helped = matches!(run.boxes, "gt" | "jittered");
+    let helped = matches!(text("boxes"), "gt" | "jittered");
     output::data(format_args!(
         "{}: {poses} poses in {images} images ({kept} more kept from before), {wall_s:.1} s, {:.0} ms an image{}{}{}\n\
          next: grip eval {} {}",
@@ -174,7 +207,7 @@ fn report(args: &EstimateArgs, run: &RunDescription<'_>, estimated: &Estimated, 
             failed => format!("; {failed} without poses, for the estimator did wrong"),
         },
         if helped { "; boxes from the TRUTH" } else { "" },
-        match run.hypotheses.as_str() {
+        match text("hypotheses") {
             "cpu" => String::new(),
             renderer => format!("; hypotheses on the {renderer}"),
         },

@@ -5,19 +5,24 @@ use std::io;
 
 use grip_sim::unfinished;
 
-use crate::cli::Command;
-use crate::commands::output;
+use crate::cli::{CampaignArgs, CampaignCommand, CampaignRunArgs, Command};
+use crate::commands::{TRY_AGAIN, output};
 
 /// As shells say that Ctrl-C ended a program.
-const EXIT_CODE: i32 = 130;
+const INTERRUPTED: i32 = 130;
 
 /// Waits for it from now on.
 pub fn install(command: &Command) {
     let next = kept(command).unwrap_or_else(|| "nothing half-written is left behind; run it again".into());
+    // An engine that takes a unit's machine away is to give it another one.
+    let code = match unit(command) {
+        Some(_) => i32::from(TRY_AGAIN),
+        None => INTERRUPTED,
+    };
     let handler = move || {
         unfinished::remove_all();
         output::message(format_args!("interrupted: {next}"));
-        std::process::exit(EXIT_CODE);
+        std::process::exit(code);
     };
     // Where there are no signals the program ends as it always would.
     if let Err(error) = ctrlc::set_handler(handler) {
@@ -25,8 +30,18 @@ pub fn install(command: &Command) {
     }
 }
 
+fn unit(command: &Command) -> Option<&CampaignRunArgs> {
+    match command {
+        Command::Campaign(CampaignArgs { command: CampaignCommand::Run(args) }) => Some(args),
+        _ => None,
+    }
+}
+
 /// What is kept of work that can be gone on with, and how.
 pub fn kept(command: &Command) -> Option<String> {
+    if let Some(CampaignRunArgs { folder, .. }) = unit(command) {
+        return Some(format!("what is finished is kept; the same command goes on: {}", folder.display()));
+    }
     let (what, out) = match command {
         Command::Trials(args) => ("trials", &args.out),
         Command::Sweep(args) => ("grasps", &args.out),

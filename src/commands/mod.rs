@@ -1,7 +1,9 @@
 //! The command `grip`: its verbs, a file each.
 //!
-//! Exit codes: 0 done, 1 the trial did not pack everything or touched what it must not, 2 could not run, 130 interrupted.
+//! Exit codes: 0 done, 1 the trial did not pack everything or touched what it must not, 2 could not run, 130 interrupted. Those of
+//! `grip campaign run` are on the page of campaigns: an interrupted unit is to be tried again, 75.
 
+mod campaign;
 mod convergence;
 mod detect;
 mod estimate;
@@ -134,21 +136,27 @@ fn give(command: &mut Command, given: Given) -> anyhow::Result<()> {
     Ok(())
 }
 
+/// EX_TEMPFAIL of sysexits.h: what engines are to take for "try again".
+pub(crate) const TRY_AGAIN: u8 = 75;
+
 /// How a command ended when it could run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Done {
     /// All that was asked for.
     Fully,
-    /// The trial ran, but not everything was packed.
+    /// The trial ran, but not everything was packed; a unit cannot be done; units are missing.
     Short,
+    /// A unit of a campaign is to be tried again.
+    Again,
 }
 
 impl Done {
-    /// 0 or 1; errors (2) never get here.
+    /// 0, 1, or 75; errors (2) never get here.
     fn code(self) -> u8 {
         match self {
             Self::Fully => 0,
             Self::Short => 1,
+            Self::Again => TRY_AGAIN,
         }
     }
 }
@@ -159,6 +167,7 @@ fn run(cli: Cli) -> anyhow::Result<Done> {
         Command::Pack(args) => pack::run(&args),
         Command::Trials(args) => trials::run(&args),
         Command::Merge(args) => merge::run(&args),
+        Command::Campaign(args) => campaign::run(&args),
         Command::Sweep(args) => sweep::run(&args),
         Command::Report(args) => report::run(&args),
         Command::Plan(args) => plan::run(&args),

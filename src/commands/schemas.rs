@@ -1,6 +1,7 @@
 //! JSON Schemas of the files that are read and written, from the types that read and write them.
 
 use crate::benchmark::{FileBox, PosteriorLine};
+use crate::campaign::{self, CampaignFile, unit};
 use crate::dataset;
 use crate::estimators::external::protocol::{Reply, Request};
 use crate::experiment::plan::{self, ExperimentFile};
@@ -53,6 +54,11 @@ pub fn all() -> Vec<(&'static str, Value)> {
         ("experiment-left-out", written::<LeftOut>(None)),
         ("sweep", written::<SweepFile<'_>>(Some(sweep::SCHEMA))),
         ("sweep-grasp", written::<GraspLine>(None)),
+        // Campaigns.
+        ("campaign-file", read::<CampaignFile>(None)),
+        ("campaign", written::<campaign::Manifest>(Some(campaign::manifest::SCHEMA))),
+        ("campaign-unit", written::<unit::DoneFile>(Some(unit::SCHEMA))),
+        ("campaign-failed", written::<unit::FailedFile>(Some(unit::FAILED_SCHEMA))),
         // Data sets.
         ("dataset", written::<dataset::Plan>(Some(dataset::SCHEMA))),
         ("dataset-scene", written::<dataset::SceneFile<'_>>(Some(dataset::SCENE_SCHEMA))),
@@ -67,6 +73,8 @@ pub fn all() -> Vec<(&'static str, Value)> {
         ("boxes", read::<Vec<FileBox>>(None)),
         ("posteriors", read::<PosteriorLine>(None)),
         // What `--json` prints.
+        ("campaign-status", written::<campaign::status::Status>(Some(campaign::status::SCHEMA))),
+        ("campaign-merge", written::<campaign::merge::Merged>(Some(campaign::merge::SCHEMA))),
         ("convergence", written::<convergence::ConvergenceReport<'_>>(Some(convergence::SCHEMA))),
         ("detect", written::<detect::DetectReport<'_>>(Some(detect::SCHEMA))),
         ("detect-image", written::<detect::ImageReport<'_>>(Some(detect::IMAGE_SCHEMA))),

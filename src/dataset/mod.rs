@@ -7,6 +7,7 @@ mod plan;
 pub mod preview;
 mod scene;
 
+use std::ops::RangeInclusive;
 use std::path::Path;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicU32, Ordering};
@@ -16,7 +17,7 @@ use anyhow::{Context, Result};
 use grip_sim::bop::{self, Dataset};
 use grip_sim::render::{self, RendererChoice};
 
-pub use self::plan::{CameraPlace, DatasetOptions, PAPER_VIEWS, Plan, Profile, SCHEMA};
+pub use self::plan::{CameraPlace, DatasetOptions, MANIFEST, PAPER_VIEWS, Plan, Profile, SCHEMA};
 pub use self::scene::{SCENE_SCHEMA, SceneFile, Timings};
 use crate::progress::Progress;
 use crate::setup::Setup;
@@ -47,6 +48,52 @@ pub fn make(
     renderer: RendererChoice,
     progress: &dyn Progress,
 ) -> Result<Made> {
+    write_shared(setup, plan, out)?;
+    let mut made = make_scenes(setup, plan, 1..=plan.scenes, out, jobs, renderer, progress)?;
+    let began = Instant::now();
+    write_index(&plan.split, out)?;
+    made.timings.write += began.elapsed();
+    Ok(made)
+}
+
+/// Writes what all scenes share, if it is not there: models and the camera.
+///
+/// # Errors
+/// When it cannot be written.
+pub fn write_shared(setup: &Setup, plan: &Plan, out: &Path) -> Result<()> {
+    if !out.join("models").exists() {
+        bop::export_models(&out.join("models"), setup.models.iter().map(|model| &**model))?;
+    }
+    if !out.join("models_eval").exists() {
+        bop::export_evaluation_models(&out.join("models_eval"), setup.models.iter().map(|model| &**model))?;
+    }
+    Ok(bop::write_camera(out, &plan.camera_file())?)
+}
+
+/// Writes what is made of all scenes: targets and annotations.
+///
+/// # Errors
+/// When a scene cannot be read, or a file not written.
+pub fn write_index(split: &str, out: &Path) -> Result<()> {
+    let dataset = Dataset::open(out, Some(split))?;
+    bop::write_targets(out, &dataset.targets_of_truth()?)?;
+    bop::write_coco_set(out, split)?;
+    Ok(())
+}
+
+/// Makes those of the scenes `numbers` that `out` lacks, on `jobs` threads.
+///
+/// # Errors
+/// When a scene cannot be made or written; scenes that are whole by then stay.
+pub fn make_scenes(
+    setup: &Setup,
+    plan: &Plan,
+    numbers: RangeInclusive<u32>,
+    out: &Path,
+    jobs: u32,
+    renderer: RendererChoice,
+    progress: &dyn Progress,
+) -> Result<Made> {
     let split = out.join(&plan.split);
     std::fs::create_dir_all(&split).with_context(|| {
         format!("{}: cannot make the folder; check permissions or choose another --out", split.display())
@@ -55,18 +102,11 @@ pub fn make(
         sweep(folder)
             .with_context(|| format!("{}: cannot remove what a killed run has left", folder.display()))?;
     }
-    let missing: Vec<u32> = (1..=plan.scenes).filter(|i| !split.join(format!("{i:06}")).exists()).collect();
-    let kept = plan.scenes - missing.len() as u32;
+    let all = numbers.clone().count() as u32;
+    let missing: Vec<u32> = numbers.filter(|i| !split.join(format!("{i:06}")).exists()).collect();
+    let kept = all - missing.len() as u32;
     let frames = |scenes: u32| u64::from(scenes) * plan.views.len() as u64;
-    progress.begin(frames(plan.scenes), frames(kept));
-
-    if !out.join("models").exists() {
-        bop::export_models(&out.join("models"), setup.models.iter().map(|model| &**model))?;
-    }
-    if !out.join("models_eval").exists() {
-        bop::export_evaluation_models(&out.join("models_eval"), setup.models.iter().map(|model| &**model))?;
-    }
-    bop::write_camera(out, &plan.camera_file())?;
+    progress.begin(frames(all), frames(kept));
 
     let next = AtomicU32::new(0);
     let made = Mutex::new(Made { kept, ..Made::default() });
@@ -85,14 +125,7 @@ pub fn make(
     };
     let threads = (jobs as usize).clamp(1, missing.len().max(1));
     workers::run(threads, progress, worker)?;
-
-    let began = Instant::now();
-    let mut made = made.into_inner().unwrap_or_else(std::sync::PoisonError::into_inner);
-    let dataset = Dataset::open(out, Some(&plan.split))?;
-    bop::write_targets(out, &dataset.targets_of_truth()?)?;
-    bop::write_coco_set(out, &plan.split)?;
-    made.timings.write += began.elapsed();
-    Ok(made)
+    Ok(made.into_inner().unwrap_or_else(std::sync::PoisonError::into_inner))
 }
 
 /// Removes what killed runs have left unfinished in `folder`.

@@ -21,6 +21,8 @@ use crate::setup::{self, Setup};
 
 /// Version of dataset.json.
 pub const SCHEMA: &str = "grip.dataset/1";
+/// What a data set is, in its folder.
+pub const MANIFEST: &str = "dataset.json";
 /// Millimetres in a unit of the depth pictures: fine beside every sensor's steps, and reaches 6.5 m.
 pub const DEPTH_SCALE_MM: f64 = 0.1;
 
@@ -245,7 +247,7 @@ impl Plan {
     /// # Errors
     /// When the folder holds something else, or the plan differs, or without `resume`.
     pub fn claim(&self, out: &Path, resume: bool) -> Result<()> {
-        let path = out.join("dataset.json");
+        let path = out.join(MANIFEST);
         let text = serde_json::to_string_pretty(self)? + "\n";
         let occupied = out.exists()
             && std::fs::read_dir(out)

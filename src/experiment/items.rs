@@ -1,5 +1,6 @@
 //! The items of all trials as one table, an item a row: items.parquet, for pandas, polars and DuckDB.
 
+use std::io::Write;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -38,7 +39,74 @@ pub fn write(trials: &[TrialResult], folder: &Path) -> Result<()> {
 /// # Errors
 /// When it cannot be encoded.
 pub fn bytes(trials: &[TrialResult]) -> Result<Vec<u8>> {
-    encode(&columns(trials)).with_context(|| format!("{FILE}: cannot be made"))
+    let mut writer = Writer::new(Vec::new())?;
+    trials.iter().try_for_each(|trial| writer.add(trial.clone()))?;
+    writer.finish()
+}
+
+/// Rows that are held before they are written: as many and those of one more trial make a row group.
+const GROUP: usize = 1 << 16;
+
+/// Writes the table trial by trial. Its bytes depend on the trials and their order alone.
+pub struct Writer<W: Write + Send> {
+    file: SerializedFileWriter<W>,
+    held: Vec<TrialResult>,
+    rows: usize,
+    /// Rows of a group.
+    group: usize,
+    empty: bool,
+}
+
+impl<W: Write + Send> Writer<W> {
+    /// Begins a table.
+    ///
+    /// # Errors
+    /// When it cannot be written.
+    pub fn new(to: W) -> Result<Self> {
+        Self::grouped(to, GROUP)
+    }
+
+    fn grouped(to: W, group: usize) -> Result<Self> {
+        let file = schema(&columns(&[]))
+            .and_then(|schema| SerializedFileWriter::new(to, schema, Arc::new(WriterProperties::default())))
+            .with_context(cannot)?;
+        Ok(Self { file, held: Vec::new(), rows: 0, group, empty: true })
+    }
+
+    /// Adds the items of a trial.
+    ///
+    /// # Errors
+    /// When it cannot be written.
+    pub fn add(&mut self, trial: TrialResult) -> Result<()> {
+        self.rows += trial.items.len();
+        self.held.push(trial);
+        if self.rows >= self.group {
+            self.flush()?;
+        }
+        Ok(())
+    }
+
+    /// Ends the table, and gives back where it was written to.
+    ///
+    /// # Errors
+    /// When it cannot be written.
+    pub fn finish(mut self) -> Result<W> {
+        if self.rows > 0 || self.empty {
+            self.flush()?;
+        }
+        self.file.into_inner().with_context(cannot)
+    }
+
+    fn flush(&mut self) -> Result<()> {
+        write_group(&mut self.file, &columns(&self.held)).with_context(cannot)?;
+        self.held.clear();
+        (self.rows, self.empty) = (0, false);
+        Ok(())
+    }
+}
+
+fn cannot() -> String {
+    format!("{FILE}: cannot be made")
 }
 
 fn columns(trials: &[TrialResult]) -> Vec<(&'static str, Column)> {
@@ -89,7 +157,7 @@ fn columns(trials: &[TrialResult]) -> Vec<(&'static str, Column)> {
     ]
 }
 
-fn encode(columns: &[(&str, Column)]) -> parquet::errors::Result<Vec<u8>> {
+fn schema(columns: &[(&str, Column)]) -> parquet::errors::Result<Arc<Type>> {
     let fields = columns
         .iter()
         .map(|(name, column)| {
@@ -106,9 +174,13 @@ fn encode(columns: &[(&str, Column)]) -> parquet::errors::Result<Vec<u8>> {
             Ok(Arc::new(field))
         })
         .collect::<parquet::errors::Result<Vec<_>>>()?;
-    let schema = Arc::new(Type::group_type_builder("items").with_fields(fields).build()?);
-    let mut bytes = Vec::new();
-    let mut writer = SerializedFileWriter::new(&mut bytes, schema, Arc::new(WriterProperties::default()))?;
+    Ok(Arc::new(Type::group_type_builder("items").with_fields(fields).build()?))
+}
+
+fn write_group<W: Write + Send>(
+    writer: &mut SerializedFileWriter<W>,
+    columns: &[(&str, Column)],
+) -> parquet::errors::Result<()> {
     let mut group = writer.next_row_group()?;
     for (_, column) in columns {
         let Some(mut next) = group.next_column()? else { break };
@@ -132,15 +204,14 @@ fn encode(columns: &[(&str, Column)]) -> parquet::errors::Result<Vec<u8>> {
         next.close()?;
     }
     group.close()?;
-    writer.close()?;
-    Ok(bytes)
+    Ok(())
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
     use parquet::file::reader::{FileReader, SerializedFileReader};
-    use parquet::record::Field;
+    use parquet::record::{Field, RowAccessor};
 
     #[test]
     fn what_is_written_is_read_back() {
@@ -150,7 +221,12 @@ mod tests {
             ("yes", Column::Yes(vec![true, false])),
             ("x", Column::Number(vec![None, Some(0.1)])),
         ];
-        let bytes = encode(&columns).unwrap();
+        let mut bytes = Vec::new();
+        let properties = Arc::new(WriterProperties::default());
+        let mut writer =
+            SerializedFileWriter::new(&mut bytes, schema(&columns).unwrap(), properties).unwrap();
+        write_group(&mut writer, &columns).unwrap();
+        writer.close().unwrap();
         assert_eq!((&bytes[..4], &bytes[bytes.len() - 4..]), (&b"PAR1"[..], &b"PAR1"[..]));
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("t.parquet");
@@ -168,6 +244,27 @@ mod tests {
 
     #[test]
     fn no_trials_make_an_empty_table() {
-        assert!(encode(&columns(&[])).is_ok());
+        assert!(bytes(&[]).is_ok());
+    }
+
+    #[test]
+    fn groups_of_rows_end_with_a_trial() {
+        let trial =
+            |seed| crate::experiment::summary::tests::trial(seed, "base", "grip", &[("can", true, None); 3]);
+        let mut writer = Writer::grouped(Vec::new(), 4).unwrap();
+        (1..=5).for_each(|seed| writer.add(trial(seed)).unwrap());
+        let bytes = writer.finish().unwrap();
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join(FILE);
+        std::fs::write(&path, bytes).unwrap();
+        let reader = SerializedFileReader::new(std::fs::File::open(path).unwrap()).unwrap();
+        let rows: Vec<i64> = reader.metadata().row_groups().iter().map(|group| group.num_rows()).collect();
+        assert_eq!(rows, [6, 6, 3]);
+        let seeds: Vec<String> = reader
+            .get_row_iter(None)
+            .unwrap()
+            .map(|row| row.unwrap().get_string(0).unwrap().clone())
+            .collect();
+        assert_eq!(seeds.join(""), "111222333444555");
     }
 }

@@ -3,6 +3,7 @@
 
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
+use std::sync::OnceLock;
 
 use anyhow::{Context, Result, bail, ensure};
 use grip_manip::Planner;
@@ -198,10 +199,15 @@ pub struct Case {
 pub struct Plan {
     /// The scenes.
     pub stages: Vec<Stage>,
-    /// Its trials, by seed first: those that are to be compared come one after the other.
-    pub cases: Vec<Case>,
     /// The lowest seed.
     pub first_seed: u64,
+    /// How many seeds there are, in all shards.
+    pub seeds: u32,
+    /// Whether to keep pictures of the first seed and of failures, most of what an experiment takes on a disk.
+    pub films: bool,
+    shard: Option<Shard>,
+    estimator_names: Vec<String>,
+    grasper_names: Vec<String>,
     /// The folder of grasp files, if the planners use one.
     pub grasps: Option<PathBuf>,
     /// Who draws: `wgpu` or `cpu`.
@@ -268,31 +274,11 @@ impl Plan {
                 );
             }
         }
-        let last = first_seed.checked_add(u64::from(options.trials).saturating_sub(1));
-        let last = last.with_context(|| {
-            format!("--seed {first_seed}: too large for {} trials; give a lower one", options.trials)
-        })?;
-        let step = options.shard.map_or(1, |shard| shard.of);
-        let skipped = options.shard.map_or(0, |shard| shard.index - 1);
-        let mut cases = Vec::new();
-        for seed in (first_seed..=last).skip(skipped).step_by(step) {
-            for (scene, stage) in stages.iter().enumerate() {
-                for (condition, spec) in stage.conditions.iter().enumerate() {
-                    for (estimator, name) in estimators.iter().enumerate() {
-                        for (grasper, planner) in graspers.iter().enumerate() {
-                            let key = Key {
-                                seed,
-                                scene: stage.setup.cell.scene.name.clone(),
-                                condition: spec.name.clone(),
-                                estimator: name.clone(),
-                                grasper: planner.clone(),
-                            };
-                            cases.push(Case { key, scene, condition, estimator, grasper });
-                        }
-                    }
-                }
-            }
-        }
+        ensure!(
+            first_seed.checked_add(u64::from(options.trials).saturating_sub(1)).is_some(),
+            "--seed {first_seed}: too large for {} trials; give a lower one",
+            options.trials
+        );
         let scenarios = stages
             .iter()
             .map(|stage| {
@@ -322,7 +308,54 @@ impl Plan {
             build_sha256: build(),
         })?;
         let grasps = options.grasps.clone();
-        Ok(Self { stages, cases, first_seed, grasps, renderer, manifest })
+        Ok(Self {
+            stages,
+            first_seed,
+            seeds: options.trials,
+            films: true,
+            shard: options.shard,
+            estimator_names: estimators,
+            grasper_names: graspers,
+            grasps,
+            renderer,
+            manifest,
+        })
+    }
+
+    /// The trials of the shard, by seed first: those that are to be compared come one after the other.
+    pub fn cases(&self) -> Vec<Case> {
+        let Shard { index, of } = self.shard.unwrap_or(Shard { index: 1, of: 1 });
+        let all = (0..u64::from(self.seeds)).map(|i| self.first_seed + i);
+        self.cases_of(all.skip(index - 1).step_by(of))
+    }
+
+    /// The trials of these seeds.
+    pub fn cases_of(&self, seeds: impl IntoIterator<Item = u64>) -> Vec<Case> {
+        let mut cases = Vec::new();
+        for seed in seeds {
+            for (scene, stage) in self.stages.iter().enumerate() {
+                for (condition, spec) in stage.conditions.iter().enumerate() {
+                    for (estimator, name) in self.estimator_names.iter().enumerate() {
+                        for (grasper, planner) in self.grasper_names.iter().enumerate() {
+                            let key = Key {
+                                seed,
+                                scene: stage.setup.cell.scene.name.clone(),
+                                condition: spec.name.clone(),
+                                estimator: name.clone(),
+                                grasper: planner.clone(),
+                            };
+                            cases.push(Case { key, scene, condition, estimator, grasper });
+                        }
+                    }
+                }
+            }
+        }
+        cases
+    }
+
+    /// experiment.json.
+    pub fn manifest(&self) -> &Value {
+        &self.manifest
     }
 
     /// Makes the experiment's folder, or makes sure that it is the same experiment that goes on.
@@ -410,10 +443,20 @@ pub fn begin(out: &Path, name: &str, schema: &str, manifest: &Value, resume: boo
     Ok(bop::write_atomic(&path, serde_json::to_string_pretty(manifest)?.as_bytes())?)
 }
 
+static THIS_BUILD: OnceLock<Option<String>> = OnceLock::new();
+
 /// SHA-256 of this program's file: results of different builds may differ in last bits. None where it cannot be read.
 pub fn build() -> Option<String> {
-    let bytes = std::fs::read(std::env::current_exe().ok()?).ok()?;
-    Some(format!("{:x}", Sha256::digest(bytes)))
+    let read = || {
+        let bytes = std::fs::read(std::env::current_exe().ok()?).ok()?;
+        Some(format!("{:x}", Sha256::digest(bytes)))
+    };
+    THIS_BUILD.get_or_init(read).clone()
+}
+
+/// Says what [`build`] is to say, where somebody knows it already: to read a program again takes half a second.
+pub fn know_build(sha256: String) {
+    let _ = THIS_BUILD.set(Some(sha256));
 }
 
 fn no_name_twice(names: &[String], option: &str) -> Result<()> {

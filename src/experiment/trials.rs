@@ -73,14 +73,29 @@ pub fn run(
     renderer: RendererChoice,
     progress: &dyn Progress,
 ) -> Result<Ran> {
+    run_cases(plan, &plan.cases(), out, jobs, renderer, progress)
+}
+
+/// The same of some of the plan's trials.
+///
+/// # Errors
+/// As [`run`].
+pub fn run_cases(
+    plan: &Plan,
+    cases: &[Case],
+    out: &Path,
+    jobs: usize,
+    renderer: RendererChoice,
+    progress: &dyn Progress,
+) -> Result<Ran> {
     let (trials, done) = Journal::open::<TrialResult>(&out.join(TRIALS))?;
     let (timings, _) = Journal::open::<TimingLine>(&out.join(TIMINGS))?;
     let (skipped, left_out) = Journal::open::<LeftOut>(&out.join(LEFT_OUT))?;
     let known: BTreeSet<Key> =
         done.iter().map(Key::of).chain(left_out.iter().map(|line| line.key.clone())).collect();
-    let missing: Vec<&Case> = plan.cases.iter().filter(|case| !known.contains(&case.key)).collect();
+    let missing: Vec<&Case> = cases.iter().filter(|case| !known.contains(&case.key)).collect();
     let kept = done.len();
-    progress.begin(plan.cases.len() as u64, known.len() as u64);
+    progress.begin(cases.len() as u64, known.len() as u64);
 
     let next = AtomicUsize::new(0);
     let journals = Mutex::new(Journals { trials, timings, skipped, done, left_out });
@@ -101,7 +116,11 @@ pub fn run(
                 grasper: graspers[case.grasper].clone(),
                 items: None,
                 grasps: plan.grasps.clone(),
-                pictures: if film_all { Pictures::Film } else { Pictures::FilmOfFailures },
+                pictures: match (plan.films, film_all) {
+                    (false, _) => Pictures::None,
+                    (true, true) => Pictures::Film,
+                    (true, false) => Pictures::FilmOfFailures,
+                },
             };
             let estimator = &estimators[case.estimator];
             let ran = trial::run(&setup, estimator, planner, renderer.as_mut(), options, &Part(progress));

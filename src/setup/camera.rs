@@ -1,5 +1,7 @@
 //! The head camera in the simulated room.
 
+use std::sync::{Arc, OnceLock};
+
 use anyhow::Result;
 use grip_physics::World;
 use grip_sim::camera::Intrinsics;
@@ -18,8 +20,10 @@ pub struct HeadCamera {
     pub intrinsics: Intrinsics,
     /// How its colour and depth differ from the true ones.
     pub sensors: Sensors,
-    furniture: Furniture,
-    bounce: Bounce,
+    /// As the room stands in it.
+    scene: Arc<Scene>,
+    /// Made at the first look: its textures take a third of a second, and not everyone looks.
+    room: Arc<OnceLock<(Furniture, Bounce)>>,
     /// Of the run.
     seed: u64,
 }
@@ -36,22 +40,24 @@ impl HeadCamera {
         seed: u64,
     ) -> grip_sim::Result<Self> {
         let sensors = settings.sensors(&scene.camera.depth_noise)?;
-        let furniture = render::furniture(&scene.fixtures(), scene.surroundings, seed);
-        let bounce = Bounce::of(&scene.table, furniture.table_albedo);
-        Ok(Self { intrinsics, sensors, furniture, bounce, seed })
+        Ok(Self { intrinsics, sensors, scene: Arc::new(scene.clone()), room: Arc::default(), seed })
     }
 
     /// The same camera in a run with another seed.
     pub fn with_seed(&self, scene: &Scene, seed: u64) -> Self {
-        let furniture = render::furniture(&scene.fixtures(), scene.surroundings, seed);
-        let bounce = Bounce::of(&scene.table, furniture.table_albedo);
-        Self { furniture, bounce, seed, ..self.clone() }
+        Self { scene: Arc::new(scene.clone()), room: Arc::default(), seed, ..self.clone() }
     }
 
     /// Everything there is to see, as it stands now.
     pub fn view(&self, world: &World) -> RenderScene {
-        let mut view = world.render_scene(&self.furniture.drawn);
-        view.bounce = Some(self.bounce);
+        let (furniture, bounce) = self.room.get_or_init(|| {
+            let Scene { table, surroundings, .. } = &*self.scene;
+            let furniture = render::furniture(&self.scene.fixtures(), *surroundings, self.seed);
+            let bounce = Bounce::of(table, furniture.table_albedo);
+            (furniture, bounce)
+        });
+        let mut view = world.render_scene(&furniture.drawn);
+        view.bounce = Some(*bounce);
         view
     }
 

@@ -2,6 +2,8 @@
 
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::print_stdout, reason = "tests")]
 
+#[cfg(unix)]
+mod campaign;
 mod cli;
 mod common;
 mod crosscheck;

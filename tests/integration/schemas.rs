@@ -115,6 +115,26 @@ fn files_keep_to_their_schemas() {
     tour.has("sweep", &Path::new(&sweep).join("sweep.json"));
     tour.has("sweep-grasp", &Path::new(&sweep).join("grasps.jsonl"));
 
+    // A campaign of two units, one of which cannot be done.
+    let (file, campaign) = (tour.folder.join("campaign.toml"), tour.path("campaign"));
+    let few = "names = [\"036_wood_block\"]\nmode = \"isotropic\"\nsamples = 2\nseeds = 2\n";
+    std::fs::write(&file, format!("[campaign]\nname = \"tour\"\nunits = 2\n[sweep]\n{few}")).unwrap();
+    tour.has("campaign-file", &file);
+    tour.run(&["campaign", "plan", file.to_str().unwrap(), "--out", &campaign]);
+    tour.has("campaign", &Path::new(&campaign).join("campaign.json"));
+    let unit = |number: usize| Path::new(&campaign).join(format!("units/{number:06}"));
+    std::fs::create_dir_all(unit(1).join("grasps.jsonl")).unwrap();
+    tour.run(&["campaign", "run", &campaign, "--shard", "1/1"]);
+    tour.has("campaign-unit", &unit(0).join("done.json"));
+    // It goes when the unit is done after all.
+    let failed = tour.folder.join("failed.json");
+    std::fs::copy(unit(1).join("failed.json"), &failed).unwrap();
+    tour.has("campaign-failed", &failed);
+    tour.prints("campaign-status", &["campaign", "status", &campaign]);
+    std::fs::remove_dir(unit(1).join("grasps.jsonl")).unwrap();
+    tour.run(&["campaign", "run", &campaign, "--shard", "1/1", "--again"]);
+    tour.prints("campaign-merge", &["campaign", "merge", &campaign, "--out", &tour.path("merged")]);
+
     problem(&tour.folder, "0001", [0.75, 0.0], REQUEST);
     let problems = tour.folder.to_str().unwrap().to_owned();
     tour.prints("plan", &["plan", &problems]);

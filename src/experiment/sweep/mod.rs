@@ -181,7 +181,8 @@ impl GraspLine {
         (self.outcome != GraspOutcome::Unreachable).then_some(self.outcome == GraspOutcome::Held)
     }
 
-    fn key(&self) -> (String, u64, usize) {
+    /// What identifies it within a sweep, in the order in which grasps are listed.
+    pub fn key(&self) -> (String, u64, usize) {
         (self.object.clone(), self.seed, self.case)
     }
 }
@@ -223,7 +224,7 @@ impl Sweep {
                 "--range: {value} {what}: must be above 0 and at most {most}"
             );
         }
-        let mut setup = Setup::open(&options.setup)?;
+        let mut setup = Setup::open_bare(&options.setup)?;
         let strongest = setup.cell.config.gripper.max_force;
         for (value, most, option) in
             [(options.friction, 2.0, "--friction"), (options.force_n, strongest, "--force")]
@@ -274,7 +275,10 @@ impl Sweep {
     }
 
     /// sweep.json.
-    fn manifest(&self) -> Result<Value> {
+    ///
+    /// # Errors
+    /// When a file of an object cannot be read.
+    pub fn manifest(&self) -> Result<Value> {
         let models = self
             .objects
             .iter()
@@ -305,6 +309,14 @@ impl Sweep {
     /// When it is there although nothing is to be resumed, is another sweep, or cannot be written.
     pub fn begin(&self, out: &Path, resume: bool) -> Result<()> {
         plan::begin(out, MANIFEST, SCHEMA, &self.manifest()?, resume)?;
+        self.write_models(out)
+    }
+
+    /// Writes what another simulator needs, where that is asked for, into the sweep's folder.
+    ///
+    /// # Errors
+    /// When it cannot be written.
+    pub fn write_models(&self, out: &Path) -> Result<()> {
         if self.motions {
             motion::write_models(self, &out.join("mjcf"))?;
         }
@@ -322,24 +334,45 @@ impl Sweep {
     /// # Errors
     /// When none of an object's seeds has such a layout, or a result cannot be written; what is written by then stays.
     pub fn run(&self, out: &Path, jobs: usize, progress: &dyn Progress) -> Result<(Vec<GraspLine>, usize)> {
+        let (done, kept) = self.run_seeds(self.seeds, out, jobs, progress)?;
+        for object in &self.objects {
+            ensure!(
+                done.iter().any(|line| &line.object == object),
+                "{object}: no seed has a layout with a grasp to try; give other --seeds, another --scene or another object"
+            );
+        }
+        Ok((done, kept))
+    }
+
+    /// The same of some of the sweep's seeds: from the first, so many. An object without a grasp is no error.
+    ///
+    /// # Errors
+    /// When a result cannot be written; what is written by then stays.
+    pub fn run_seeds(
+        &self,
+        seeds: (u64, u32),
+        out: &Path,
+        jobs: usize,
+        progress: &dyn Progress,
+    ) -> Result<(Vec<GraspLine>, usize)> {
         let (journal, done) = Journal::open::<GraspLine>(&out.join(GRASPS))?;
         let kept = done.len();
         let known: BTreeSet<_> = done.iter().map(GraspLine::key).collect();
         let missing = |object: &str, seed: u64| -> Vec<usize> {
             (0..self.cases.len()).filter(|&case| !known.contains(&(object.to_owned(), seed, case))).collect()
         };
-        let (first, count) = self.seeds;
+        let (first, count) = seeds;
         let groups: Vec<(&String, u64, Vec<usize>)> = (first..first + u64::from(count))
             .flat_map(|seed| self.objects.iter().map(move |object| (object, seed)))
             .map(|(object, seed)| (object, seed, missing(object, seed)))
             .filter(|(_, _, cases)| !cases.is_empty())
             .collect();
-        progress.begin(self.grasps() as u64, kept as u64);
+        progress.begin((self.cases.len() * self.objects.len() * count as usize) as u64, kept as u64);
 
         let mut fixed: Vec<(&String, Grasp)> = Vec::new();
         if self.strategy == Strategy::Fixed {
             for object in &self.objects {
-                let layout = Layout::find(self, object, first, None)?.map_err(|why| anyhow!(why))?;
+                let layout = Layout::find(self, object, self.seeds.0, None)?.map_err(|why| anyhow!(why))?;
                 fixed.push((object, layout.grasp));
             }
         }
@@ -375,12 +408,6 @@ impl Sweep {
         done.sort_by_key(GraspLine::key);
         journal::write_whole(&out.join(GRASPS), &done)?;
         drop(journal);
-        for object in &self.objects {
-            ensure!(
-                done.iter().any(|line| &line.object == object),
-                "{object}: no seed has a layout with a grasp to try; give other --seeds, another --scene or another object"
-            );
-        }
         Ok((done, kept))
     }
 }
