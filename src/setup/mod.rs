@@ -36,7 +36,7 @@ pub const ADVERSARIAL: &str = "scenes/adversarial.toml";
 /// What a [`Setup`] is made of. The default is the grocery scene in base light, with the built-in robot and objects.
 #[derive(Debug, Clone)]
 pub struct SetupOptions {
-    /// Scene file.
+    /// Scene file; where there is none of that name the one that is built in, such as `scenes/shelf.toml`.
     pub scene: PathBuf,
     /// Condition by name, from the folder `conditions` beside the scene file, or a path to a .toml file.
     pub condition: String,
@@ -126,7 +126,8 @@ impl Setup {
     }
 
     fn read(options: &SetupOptions, with_models: bool) -> Result<Self> {
-        let SetupOptions { scene: path, seed, settings, .. } = options;
+        let SetupOptions { scene, seed, settings, .. } = options;
+        let path = &assets::named(scene);
         let [urdf, config] = [&options.robot, &options.robot_config].map(Option::as_deref);
         let cell = Cell::load(path, urdf, config, &options.package_path)?;
         let settings = Arc::new(Settings::clone(settings).for_robot(&cell.config));
