@@ -24,14 +24,19 @@ def plain(value: Any) -> Any:
     raise TypeError(f"{value!r} of {type(value).__name__} is neither a number, a text nor a list of them")
 
 
+def is_tree(value: Any) -> bool:
+    """Whether it is settings, and not their class."""
+    return is_dataclass(value) and not isinstance(value, type)
+
+
 def changed(settings: Any, default: Any) -> dict[str, Any]:
     """Of a tree of dataclasses what is not the default: only that is said, for a robot's own numbers count where nothing is."""
 
     def said(value: Any, default: Any) -> Any:
-        if is_dataclass(value):
+        if is_tree(value):
             return changed(value, default)
         if isinstance(value, (list, tuple)):
-            return [asdict(item) if is_dataclass(item) else item for item in value]
+            return [asdict(item) if is_tree(item) else item for item in value]
         return value
 
     pairs = ((field.name, getattr(settings, field.name), getattr(default, field.name)) for field in fields(settings))
@@ -54,7 +59,7 @@ def settings_file(settings: Any, folder: str) -> Optional[str]:
     """The path of a file with these settings, made in ``folder`` where they are no file."""
     if settings is None or isinstance(settings, (str, os.PathLike)):
         return None if settings is None else os.fspath(settings)
-    if is_dataclass(settings):
+    if is_tree(settings):
         settings = changed(settings, type(settings)())
     path = os.path.join(folder, "settings.toml")
     with open(path, "w", encoding="utf-8") as file:
@@ -74,7 +79,9 @@ class Bar:
     """Progress by tqdm, in a notebook or on a terminal."""
 
     def __init__(self, tqdm: Any, unit: str) -> None:
-        self.bar = tqdm(unit=f" {unit.rstrip('s')}" if unit else " step", leave=False)
+        # What has no known length says what it does.
+        how = {"unit": f" {unit.rstrip('s')}"} if unit else {"bar_format": "{elapsed}{postfix}"}
+        self.bar = tqdm(leave=False, **how)
 
     def begin(self, pieces: int, done: int) -> None:
         self.bar.reset(total=pieces)

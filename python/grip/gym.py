@@ -168,6 +168,9 @@ class PackEnv(gymnasium.Env[dict[str, Any], NDArray[np.float32]]):
         )
         self._episode: Optional[_grip.Episode] = None
         self._rgb: Optional[NDArray[np.uint8]] = None
+        self._observation: dict[str, Any] = {}
+        self._info: dict[str, Any] = {}
+        self._taken, self._packed = 0, 0
 
     def reset(self, *, seed: Optional[int] = None, options: Optional[dict[str, Any]] = None) -> tuple[dict[str, Any], dict[str, Any]]:
         """Lays another scene out: that of ``seed``, as ``grip pack --seed`` has it, or of a seed that is drawn."""
@@ -181,7 +184,7 @@ class PackEnv(gymnasium.Env[dict[str, Any], NDArray[np.float32]]):
             items=self._items,
             steps=self._steps + 1,
         )
-        self._taken, self._packed, self._observation = 0, 0, None
+        self._taken, self._packed = 0, 0
         observation, info = self._seen(self._episode.next())
         info["seed"] = scene_seed
         return observation, info

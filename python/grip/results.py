@@ -225,7 +225,7 @@ class Evaluation:
 
 def of(verb: str, options: Mapping[str, Any], fully: bool, data: str, made: list[str]) -> Any:
     """What a verb returns."""
-    said = json.loads(data) if options.get("json") and data.strip() else None
+    said: Any = json.loads(data) if options.get("json") and data.strip() else None
 
     def out(default: str) -> Path:
         return Path(os.fspath(options.get("out") or default))

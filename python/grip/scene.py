@@ -87,7 +87,7 @@ class Scene(_grip.Scene):
                 file = scene_file(scene, folder)
             else:
                 file = _grip.find(os.fspath(scene))
-            return super().__new__(
+            made: Any = super().__new__(
                 cls,
                 file,
                 os.fspath(condition),
@@ -100,3 +100,4 @@ class Scene(_grip.Scene):
                 many(package_path),
                 settings_file(settings, folder),
             )
+        return made  # type: ignore[no-any-return]
