@@ -53,7 +53,8 @@ def _task(function: Callable[..., Any], *arguments: Any) -> Any:
 
 
 def _remote(num_cpus: float, max_retries: int) -> Any:
-    return ray.remote(num_cpus=num_cpus, max_retries=max_retries, retry_exceptions=[TryAgain])(_task)
+    options: dict[str, Any] = {"num_cpus": num_cpus, "max_retries": max_retries, "retry_exceptions": [TryAgain]}
+    return ray.remote(**options)(_task)
 
 
 def _cancel(flight: Any) -> None:
@@ -79,7 +80,8 @@ def run(campaign_folder: Path, *, max_retries: int = 20, num_cpus: float = 1, pr
     """
     folder = os.path.abspath(campaign_folder)
     missing = campaign.missing(folder)
-    left, flight = iter(missing), {}
+    left = iter(missing)
+    flight: dict[Any, int] = {}
     task, jobs = _remote(num_cpus, max_retries), max(1, int(num_cpus))
     bars = _run.Progress(progress)
     bar = bars("units") if bars.tqdm else None
@@ -112,7 +114,9 @@ class _Journal:
     """Points and results on disk, a line each, in the order in which they came."""
 
     def __init__(self, path: Path, **about: Any) -> None:
-        self.path, self.points, self.results = os.fspath(path), {}, {}
+        self.path = os.fspath(path)
+        self.points: dict[int, Any] = {}
+        self.results: dict[int, Any] = {}
         self.file = open(path, "a+b")
         self._alone()
         self.file.seek(0)
@@ -120,7 +124,10 @@ class _Journal:
         # What a killed driver has left half-written.
         whole = text.rfind(b"\n") + 1
         self.file.truncate(whole)
-        lines = [json.loads(line) for line in text[:whole].splitlines()]
+        try:
+            lines = [json.loads(line) for line in text[:whole].splitlines()]
+        except ValueError as error:
+            raise Error(f"{self.path}: is no journal, or is damaged: {error}; give another one") from None
         about = {"schema": SCHEMA, **about}
         if lines and lines[0] != about:
             raise Error(f"{self.path}: was written with {lines[0]}, and not {about}; give the same again, or another journal")
@@ -204,7 +211,9 @@ def adaptive(
     if budget < 0 or parallel < 1:
         raise Error(f"budget = {budget}, parallel = {parallel}: give counts from 0 and from 1 on")
     task, book = _remote(num_cpus, max_retries), _Journal(journal, parallel=parallel, rounds=rounds)
-    points, results, flight = [], {}, {}
+    points: list[Any] = []
+    results: dict[int, Any] = {}
+    flight: dict[int, Any] = {}
 
     def ended() -> int:
         # In the order in which they ended before, then as they end.
