@@ -235,4 +235,5 @@ def test_the_example_of_the_page_runs(cluster, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     names = {}
     exec(code.replace("ray.init()", "ray.is_initialized()"), names)
-    assert 10 < names["chooser"].low < names["chooser"].high < 30
+    # A whole sweep of these seeds: 65 % hold at 15 mm, none at 20.
+    assert 15 <= names["chooser"].low < names["chooser"].high <= 20
