@@ -10,6 +10,7 @@ Poses are 4 x 4 matrices, metres; ``a_from_b`` maps coordinates in frame b to fr
 right, y down, z forward. Everything random follows from a seed: the same seed gives the same bits as the command ``grip``.
 """
 
+from . import campaign
 from ._grip import Error, Estimator, Frame, Posterior, World
 from .functions import Asked, Grasp, GraspScene, Look, Model, Pose, Target
 from .results import DataSet, Estimates, Evaluation, Sweep, Trial, Trials
@@ -56,6 +57,7 @@ __all__ = [
     "Trial",
     "Trials",
     "World",
+    "campaign",
     "convergence",
     "detect",
     "estimate",

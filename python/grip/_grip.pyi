@@ -195,8 +195,8 @@ class Episode:
     def next(self, action: Optional[dict[str, Any]] = None) -> dict[str, Any]: ...
     def finish(self) -> dict[str, Any]: ...
 
-def call(verb: str, options: str, estimators: Optional[list[Any]] = None, graspers: Optional[list[Any]] = None, progress: Optional[Callable[[str], Any]] = None) -> tuple[bool, str, list[str], list[os.PathLike[str]]]:
-    """Runs a verb of the command with options as JSON."""
+def call(verb: str, options: str, estimators: Optional[list[Any]] = None, graspers: Optional[list[Any]] = None, progress: Optional[Callable[[str], Any]] = None) -> tuple[int, str, list[str], list[os.PathLike[str]]]:
+    """Runs a verb of the command with options as JSON: its exit code, what it printed, its messages, and files whose place it chose."""
 
 def main(arguments: list[str]) -> int:
     """The command ``grip`` itself."""

@@ -157,7 +157,7 @@ def run(verb: str, options: Mapping[str, Any], progress: Optional[bool] = None) 
         if "settings" in options:
             options["settings"] = settings_file(options["settings"], folder)
         try:
-            fully, data, messages, made = _grip.call(
+            code, data, messages, made = _grip.call(
                 verb,
                 json.dumps(options, default=plain),
                 estimators,
@@ -168,4 +168,4 @@ def run(verb: str, options: Mapping[str, Any], progress: Optional[bool] = None) 
             bars.close()
     for message in messages:
         log.info(message)
-    return fully, data, [os.fspath(path) for path in made]
+    return code == 0, data, [os.fspath(path) for path in made]

@@ -10,6 +10,7 @@ use std::time::Duration;
 
 use anyhow::{Context, Result};
 use grip::commands::{self, Caller, Given};
+use grip::experiment::plan;
 use grip::progress::Progress;
 use pyo3::panic::PanicException;
 use pyo3::prelude::*;
@@ -151,7 +152,7 @@ impl Progress for Shown {
     }
 }
 
-/// Runs a verb of the command with options as JSON. Returns whether all was done that was asked for, what it printed, its
+/// Runs a verb of the command with options as JSON. Returns its exit code (never 2: that is an error), what it printed, its
 /// messages, and the files that it made where it chose.
 ///
 /// `estimators` and `graspers` are, where given, lists of words of the command line and of pairs of a name and a function.
@@ -164,7 +165,7 @@ pub fn call(
     estimators: Option<Vec<Bound<'_, PyAny>>>,
     graspers: Option<Vec<Bound<'_, PyAny>>>,
     progress: Option<Py<PyAny>>,
-) -> PyResult<(bool, String, Vec<String>, Vec<PathBuf>)> {
+) -> PyResult<(u8, String, Vec<String>, Vec<PathBuf>)> {
     let options: Map<String, Value> = raised(|| serde_json::from_str(options).context("options"))?;
     let given = raised(|| {
         let estimators = estimators.map(|all| all.iter().map(estimators::kind).collect()).transpose()?;
@@ -173,18 +174,26 @@ pub fn call(
     })?;
     raised(shares_threads)?;
     let said = Arc::new(Said::default());
-    let fully = interruptible(py, |cancelled| {
+    tells_its_file(py)?;
+    let code = interruptible(py, |cancelled| {
         let told = Told { said: said.clone(), progress, cancelled: cancelled.clone() };
         commands::call(verb, &options, given, Arc::new(told))
     })?;
     fn taken<T: Default>(said: &Mutex<T>) -> T {
         std::mem::take(&mut *said.lock().unwrap_or_else(PoisonError::into_inner))
     }
-    Ok((fully, taken(&said.data), taken(&said.messages), taken(&said.made)))
+    Ok((code, taken(&said.data), taken(&said.messages), taken(&said.made)))
 }
 
 /// The command `grip` itself, with `arguments` behind its name; prints, and returns its exit code. At Ctrl-C the process ends.
 #[pyfunction]
-pub fn main(py: Python<'_>, arguments: Vec<OsString>) -> u8 {
-    py.detach(|| commands::code([OsString::from("grip")].into_iter().chain(arguments)))
+pub fn main(py: Python<'_>, arguments: Vec<OsString>) -> PyResult<u8> {
+    tells_its_file(py)?;
+    Ok(py.detach(|| commands::code([OsString::from("grip")].into_iter().chain(arguments))))
+}
+
+/// The program that results are of is this module, and not Python's.
+fn tells_its_file(py: Python<'_>) -> PyResult<()> {
+    plan::program_is(py.import("grip._grip")?.getattr("__file__")?.extract()?);
+    Ok(())
 }

@@ -57,7 +57,7 @@ fn read(path: &Path) -> Option<Node> {
 /// What tells this machine, as it was started, and this program from others: containers on one machine share what one of them found.
 fn key(cpu: &str) -> String {
     let boot = std::fs::read_to_string("/proc/sys/kernel/random/boot_id").unwrap_or_else(|_| host());
-    let program = std::env::current_exe().ok().and_then(|path| {
+    let program = plan::program_file().and_then(|path| {
         let about = std::fs::metadata(&path).ok()?;
         let changed = about.modified().ok()?.duration_since(UNIX_EPOCH).ok()?;
         Some((path, about.len(), changed))

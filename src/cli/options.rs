@@ -1,5 +1,5 @@
 //! Options of a verb as a table, such as TOML and JSON have it, in place of words on a command line: the same names (`_` for `-`), the
-//! same values, the same errors.
+//! same values, the same errors. A verb of a verb is named by both: `campaign plan`.
 
 use anyhow::{Context, Result, bail};
 use clap::CommandFactory;
@@ -11,11 +11,14 @@ use super::Cli;
 pub fn verb(verb: &str) -> Result<clap::Command> {
     let mut command = Cli::command();
     command.build();
-    let known = command.find_subcommand(verb).cloned();
-    known.with_context(|| {
-        let verbs = command.get_subcommands().map(clap::Command::get_name);
-        format!("{verb}: is no verb of grip{}", grip_sim::names::suggestion(verbs, verb))
-    })
+    let mut known = &command;
+    for word in verb.split(' ') {
+        known = known.find_subcommand(word).with_context(|| {
+            let verbs = known.get_subcommands().map(clap::Command::get_name);
+            format!("{verb}: is no verb of grip{}", grip_sim::names::suggestion(verbs, word))
+        })?;
+    }
+    Ok(known.clone())
 }
 
 /// The words of the command line that says the same as `options`: the program's name first, then the verb.
@@ -26,7 +29,8 @@ pub fn verb(verb: &str) -> Result<clap::Command> {
 /// When an option has another name, or a value is a table. What a value may be is for the command line to say.
 pub fn words(name: &str, options: &Map<String, Value>) -> Result<Vec<String>> {
     let verb = verb(name)?;
-    let (mut words, mut positional) = (vec!["grip".to_owned(), name.to_owned()], Vec::new());
+    let mut words: Vec<String> = ["grip"].into_iter().chain(name.split(' ')).map(str::to_owned).collect();
+    let mut positional = Vec::new();
     for (key, value) in options {
         let arg = shown(&verb).find(|arg| name_of(&verb, arg) == key.replace('-', "_"));
         let Some(arg) = arg else {
@@ -120,6 +124,19 @@ mod tests {
         assert_eq!(args.objects, ["011_banana", "-odd"]);
         assert_eq!(args.tables.tables, [std::path::PathBuf::from("mine.toml")]);
         assert_eq!((args.range, args.friction), (vec![40.0, 45.5], Some(-1.0)));
+    }
+
+    #[test]
+    fn a_verb_of_a_verb_is_named_by_both() {
+        let command = parse("campaign run", json!({ "folder": "-c", "unit": "0-3,7", "jobs": 2 })).unwrap();
+        let Command::Campaign(crate::cli::CampaignArgs { command: crate::cli::CampaignCommand::Run(args) }) =
+            command
+        else {
+            panic!()
+        };
+        assert_eq!((args.folder.to_str(), args.jobs), (Some("-c"), Some(2)));
+        let error = parse("campaign plam", json!({})).map(|_| ()).unwrap_err().to_string();
+        assert!(error.contains("did you mean 'plan'"), "{error}");
     }
 
     #[test]

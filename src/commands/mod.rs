@@ -87,8 +87,8 @@ pub struct Given {
     pub graspers: Option<Vec<GrasperKind>>,
 }
 
-/// Runs a verb for a program: `options` are those of the command line, `_` for `-`, by the names that `--help` says. Returns whether all
-/// was done that was asked for.
+/// Runs a verb for a program: `options` are those of the command line, `_` for `-`, by the names that `--help` says; a verb of a verb is
+/// named by both (`campaign run`). Returns the exit code of the command, which is not 2: those are errors.
 ///
 /// # Errors
 /// With the text that the command would print; [`crate::progress::Interrupted`] when the caller's progress was cancelled.
@@ -97,7 +97,7 @@ pub fn call(
     options: &Map<String, Value>,
     given: Given,
     caller: Arc<dyn Caller>,
-) -> anyhow::Result<bool> {
+) -> anyhow::Result<u8> {
     let words = options::words(verb, options)?;
     let mut cli = Cli::try_parse_from(words).map_err(|error| {
         // Of what clap prints the first lines say what is wrong; the rest is how a shell would say it.
@@ -107,7 +107,7 @@ pub fn call(
         anyhow::anyhow!("{}", told.trim_start_matches("error: ").to_owned())
     })?;
     give(&mut cli.command, given)?;
-    Ok(output::called_by(caller, || run(cli))? == Done::Fully)
+    Ok(output::called_by(caller, || run(cli))?.code())
 }
 
 /// Puts what is given into the options.

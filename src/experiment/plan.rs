@@ -445,10 +445,23 @@ pub fn begin(out: &Path, name: &str, schema: &str, manifest: &Value, resume: boo
 
 static THIS_BUILD: OnceLock<Option<String>> = OnceLock::new();
 
+/// The program's file, where it is not that of the process.
+static PROGRAM: OnceLock<PathBuf> = OnceLock::new();
+
+/// The file that the program is in: that of the process, or of a module that the process has loaded ([`program_is`]).
+pub fn program_file() -> Option<PathBuf> {
+    PROGRAM.get().cloned().or_else(|| std::env::current_exe().ok())
+}
+
+/// Says which file the program is in, where the process is another's, such as Python's.
+pub fn program_is(file: PathBuf) {
+    let _ = PROGRAM.set(file);
+}
+
 /// SHA-256 of this program's file: results of different builds may differ in last bits. None where it cannot be read.
 pub fn build() -> Option<String> {
     let read = || {
-        let bytes = std::fs::read(std::env::current_exe().ok()?).ok()?;
+        let bytes = std::fs::read(program_file()?).ok()?;
         Some(format!("{:x}", Sha256::digest(bytes)))
     };
     THIS_BUILD.get_or_init(read).clone()

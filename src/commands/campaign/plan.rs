@@ -4,6 +4,7 @@ use std::path::Path;
 
 use anyhow::{Context, Result};
 
+use super::Within;
 use super::work::Opened;
 use crate::campaign::file::CampaignFile;
 use crate::campaign::manifest::{self, Campaign, Manifest, named_files, way};
@@ -21,7 +22,7 @@ pub fn run(args: &CampaignPlanArgs) -> Result<Done> {
         _ => Path::new("."),
     };
     let base = base.canonicalize().with_context(|| base.display().to_string())?;
-    std::env::set_current_dir(&base).with_context(|| base.display().to_string())?;
+    let _within = Within::folder(&base)?;
 
     let which = || args.file.display().to_string();
     let work = Opened::open(verb, options, file.campaign.films).with_context(which)?;

@@ -1,7 +1,8 @@
 //! `grip campaign run`: some units, by whoever is asked to.
 
-use anyhow::{Context, Result};
+use anyhow::Result;
 
+use super::Within;
 use super::work::Opened;
 use crate::campaign::unit::{self, Outcome, Work};
 use crate::campaign::{Campaign, node, select};
@@ -50,9 +51,7 @@ fn run_units(args: &CampaignRunArgs) -> Result<Done> {
         );
     }
     campaign.check_inputs()?;
-    let base = campaign.base();
-    std::env::set_current_dir(&base)
-        .with_context(|| format!("{}: the folder of the campaign file cannot be reached", base.display()))?;
+    let _within = Within::folder(&campaign.base())?;
     let films = matches!(manifest.work, crate::campaign::manifest::Job::Trials { films: true, .. });
     let work = Opened::open(manifest.work.verb(), &manifest.options, films)?;
     let (name, now) = work.manifest()?;
