@@ -20,7 +20,7 @@ from typing import Any, Callable, Optional
 try:
     import ray
 except ImportError as error:
-    raise ImportError("grip.ray needs Ray: pip install 'grip-sim[ray]'") from error
+    raise ImportError("grip.ray needs Ray: pip install ray") from error
 
 from . import _run, campaign
 from ._grip import Error
