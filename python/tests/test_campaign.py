@@ -43,7 +43,7 @@ def test_an_interrupted_unit_is_gone_on_with_to_the_same_bytes(tmp_path, monkeyp
     while process.poll() is None and not any(path.read_bytes() for path in folder.glob("units/*/trials.jsonl")):
         pass
     process.send_signal(signal.SIGINT)
-    said, _ = process.communicate(timeout=60)
+    said, _ = process.communicate(timeout=600)
     assert said == "interrupted True\n"
     status = grip.campaign.status(folder)
     assert 1 <= status["have"] < 4 and grip.campaign.missing(folder)[-1] == 1
