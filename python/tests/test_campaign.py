@@ -32,7 +32,9 @@ def test_an_interrupted_unit_is_gone_on_with_to_the_same_bytes(tmp_path, monkeyp
     folder = tmp_path / "campaign"
     assert grip.campaign.plan(tmp_path / "campaign.toml", out=folder)["units"][1] == {"first": 7, "items": 2}
     script = f"""
-        import os, grip
+        import os, signal, grip
+        # Where shells start things in the background it is ignored.
+        signal.signal(signal.SIGINT, signal.default_int_handler)
         here = os.getcwd()
         try:
             grip.campaign.run({str(folder)!r}, unit="0-1", jobs=1)

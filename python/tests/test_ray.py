@@ -173,15 +173,25 @@ class Sections:
 
 
 def falls(log):
-    """One half at the root of two; takes its time, and is killed the fifth time that it is called."""
+    """One half at the root of two; takes its time, and is killed once, the fifth time that it is called or soon after."""
 
     def evaluate(point):
-        if counted(log) == 5:
+        # Two may have counted at once.
+        if counted(log) >= 5 and once(log.with_suffix(".killed")):
             os.kill(os.getpid(), signal.SIGKILL)
         time.sleep(random.uniform(0, 0.05))
         return 1 / (1 + (point / 2**0.5) ** 8)
 
     return evaluate
+
+
+def once(mark):
+    """Whether nobody was here before."""
+    try:
+        mark.touch(exist_ok=False)
+    except FileExistsError:
+        return False
+    return True
 
 
 def calls(log):

@@ -156,7 +156,9 @@ def test_wrong_options_are_told_as_the_command_tells_them(tmp_path):
 def test_ctrl_c_is_heard_and_what_is_finished_is_kept(tmp_path):
     script = textwrap.dedent(
         f"""
-        import sys, grip
+        import signal, grip
+        # Where shells start things in the background it is ignored.
+        signal.signal(signal.SIGINT, signal.default_int_handler)
         try:
             grip.trials(trials=40, seed=5, estimators="truth", renderer="cpu", out={str(tmp_path / "out")!r}, jobs=1)
         except KeyboardInterrupt:
