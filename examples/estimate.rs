@@ -2,7 +2,7 @@
 
 #![allow(clippy::print_stdout, reason = "an example")]
 
-use grip::estimators::{DetectorKind, Grip, Look, NetworkOptions, Perception, SecondStage};
+use grip::estimators::{DetectorKind, Grip, NetworkOptions, Perception, SecondStage};
 use grip::score::pose_errors;
 use grip::setup::{Setup, SetupOptions};
 use grip_sim::render::{self, RendererChoice};
@@ -12,18 +12,8 @@ pub(crate) fn main() -> anyhow::Result<()> {
     let (world, _) = setup.drop_objects()?;
     let (frame, _) = setup.capture(&world, render::open(RendererChoice::Auto)?.as_mut(), 0)?;
     let grip = Grip::open(&setup, SecondStage::Grip, DetectorKind::Pyramid, &NetworkOptions::default())?;
-    let (cameras, asked) = ([frame.world_from_camera], Vec::from_iter(0..setup.models.len()));
-    let (before, models) = (Vec::new(), &setup.models);
-    let look = Look {
-        frame: &frame,
-        cameras: &cameras,
-        before: &before,
-        models,
-        asked: &asked,
-        again: false,
-        seed: 1,
-    };
-    for (i, posterior) in grip.look(&look)? {
+    let asked = Vec::from_iter(0..setup.models.len());
+    for (i, posterior) in grip.look_once(&frame, &setup.models, &asked, 1)? {
         let truth = frame.world_from_camera.inverse() * world.truth(i);
         let (_, adds_m) = pose_errors(&setup.models[i], &truth, &posterior.best);
         println!("{}: {:.1} mm, sure by {:.2}", posterior.object, 1e3 * adds_m, posterior.confidence);

@@ -6,9 +6,7 @@ use std::sync::Arc;
 use anyhow::{Context, Result, bail, ensure};
 use grip::estimators::external::Question;
 use grip::estimators::external::protocol::{Found, Place, Sample};
-use grip::estimators::{
-    Answers, DetectorKind, Estimates, EstimatorFailed, EstimatorKind, Look, NetworkOptions,
-};
+use grip::estimators::{Answers, DetectorKind, EstimatorFailed, EstimatorKind, NetworkOptions};
 use grip::external::Given;
 use grip_perception::PosePosterior;
 use grip_sim::objects::ObjectModel;
@@ -131,16 +129,7 @@ impl Estimator {
                 let grip::estimators::Estimator::Perception(perception) = &self.estimator else {
                     bail!("the estimator does not look at frames")
                 };
-                let (cameras, before) = ([frame.world_from_camera], Estimates::new());
-                perception.look(&Look {
-                    frame: &frame,
-                    cameras: &cameras,
-                    before: &before,
-                    models: &setup.models,
-                    asked: &asked,
-                    again: false,
-                    seed,
-                })
+                perception.look_once(&frame, &setup.models, &asked, seed)
             })
         });
         let estimates = estimates.map_err(exception)?;

@@ -1,7 +1,9 @@
 //! What a camera saw.
 
 use anyhow::{Result, ensure};
+use grip_sim::camera::Intrinsics;
 use grip_sim::frame::CameraFrame;
+use grip_sim::images::{DepthImage, RgbImage};
 use grip_sim::pose::{Camera, Pose, World};
 use numpy::{PyArray2, PyArray3};
 use pyo3::prelude::*;
@@ -44,9 +46,9 @@ impl Frame {
 
     fn of(
         py: Python<'_>,
-        rgb: grip_sim::images::RgbImage,
-        depth: grip_sim::images::DepthImage,
-        k: &grip_sim::camera::Intrinsics,
+        rgb: RgbImage,
+        depth: DepthImage,
+        k: &Intrinsics,
         world_from_camera: Option<&Pose<World, Camera>>,
     ) -> Self {
         Self {
@@ -59,17 +61,8 @@ impl Frame {
 
     /// What it holds now: arrays may have been written to since.
     pub fn read(&self, py: Python<'_>) -> Result<CameraFrame> {
-        let (rgb, depth) = (self.rgb.bind(py), self.depth.bind(py));
-        let rgb = arrays::read_rgb(rgb, "frame.rgb")?;
-        let depth = arrays::read_depth(depth, "frame.depth")?;
-        let (width, height) = (depth.width(), depth.height());
-        ensure!(
-            (rgb.width() as usize, rgb.height() as usize) == (width, height),
-            "frame.rgb: is {} x {} and depth {width} x {height}: must be the same; register one to the other",
-            rgb.width(),
-            rgb.height()
-        );
-        let intrinsics = arrays::read_intrinsics(self.k.bind(py), "frame.K", width, height)?;
+        let arrays = [self.rgb.bind(py).as_any(), self.depth.bind(py).as_any(), self.k.bind(py).as_any()];
+        let (rgb, depth, intrinsics) = pictures(arrays, "frame.")?;
         let world_from_camera = match &self.world_from_camera {
             Some(pose) => Pose::new(arrays::read_isometry(pose.bind(py), "frame.world_from_camera")?),
             None => anyhow::bail!(
@@ -93,16 +86,7 @@ impl Frame {
         world_from_camera: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<Self> {
         raised(|| {
-            let rgb = arrays::read_rgb(rgb, "rgb")?;
-            let depth = arrays::read_depth(depth, "depth")?;
-            let (width, height) = (depth.width(), depth.height());
-            ensure!(
-                (rgb.width() as usize, rgb.height() as usize) == (width, height),
-                "rgb: is {} x {} and depth {width} x {height}: must be the same; register one to the other",
-                rgb.width(),
-                rgb.height()
-            );
-            let k = arrays::read_intrinsics(K, "K", width, height)?;
+            let (rgb, depth, k) = pictures([rgb, depth, K], "")?;
             let pose = world_from_camera
                 .map(|pose| anyhow::Ok(Pose::new(arrays::read_isometry(pose, "world_from_camera")?)))
                 .transpose()?;
@@ -115,4 +99,20 @@ impl Frame {
         let pose = if self.world_from_camera.is_some() { "" } else { ", without its pose" };
         Ok(format!("<grip.Frame {} x {}{pose}>", shape.1, shape.0))
     }
+}
+
+/// Colour, depth and camera matrix that belong together; `of` stands before their names in errors.
+fn pictures(arrays: [&Bound<'_, PyAny>; 3], of: &str) -> Result<(RgbImage, DepthImage, Intrinsics)> {
+    let [rgb, depth, k] = arrays;
+    let rgb = arrays::read_rgb(rgb, &format!("{of}rgb"))?;
+    let depth = arrays::read_depth(depth, &format!("{of}depth"))?;
+    let (width, height) = (depth.width(), depth.height());
+    ensure!(
+        (rgb.width() as usize, rgb.height() as usize) == (width, height),
+        "{of}rgb: is {} x {} and depth {width} x {height}: must be the same; register one to the other",
+        rgb.width(),
+        rgb.height()
+    );
+    let k = arrays::read_intrinsics(k, &format!("{of}K"), width, height)?;
+    Ok((rgb, depth, k))
 }

@@ -103,6 +103,21 @@ pub trait Perception: Send + Sync {
     /// When the estimator fails.
     fn look_into_bin(&self, look: &Look<'_>) -> Result<Estimates>;
 
+    /// Estimates the objects `asked` of `models` in a frame by itself, as if it were the first look of a trial.
+    ///
+    /// # Errors
+    /// As [`Perception::look`].
+    fn look_once(
+        &self,
+        frame: &CameraFrame,
+        models: &[Arc<ObjectModel>],
+        asked: &[usize],
+        seed: u64,
+    ) -> Result<Estimates> {
+        let (cameras, before) = ([frame.world_from_camera], Estimates::new());
+        self.look(&Look { frame, cameras: &cameras, before: &before, models, asked, again: false, seed })
+    }
+
     /// For scenario.json: what its estimates depend on beside the settings.
     fn description(&self) -> Value;
 
