@@ -13,6 +13,7 @@ from __future__ import annotations
 import itertools
 import json
 import logging
+import math
 import os
 import time
 from typing import Any, Callable, Optional
@@ -31,8 +32,14 @@ __all__ = ["adaptive", "run"]
 
 log = logging.getLogger("grip")
 
-MOST_IN_FLIGHT = 1000
-"""Units that Ray knows of at a time, so that millions are no burden."""
+# Nothing is ever cancelled: Ray ends the driver itself where a task is cancelled in the moment in which its result arrives (its issue
+# 54260; once in a thousand times, with tasks of 50 ms). So Ray is given few tasks at a time, and those run out.
+AHEAD = 2
+"""Units that Ray knows of at a time, for each that the cluster can run now: the rest shows a cluster that grows that it should."""
+MOST_IN_FLIGHT = 10_000
+"""Of them altogether, so that millions are no burden."""
+SLOTS_HOLD_S = 5.0
+"""After which the size of the cluster is asked for again."""
 PAUSE_S = 2.0
 """Before what can be done another time is tried again."""
 SCHEMA = "grip.ray.adaptive/1"
@@ -57,13 +64,25 @@ def _remote(num_cpus: float, max_retries: int) -> Any:
     return ray.remote(**options)(_task)
 
 
-def _cancel(flight: Any) -> None:
-    for task in flight:
-        ray.cancel(task)
+class _Slots:
+    """How many tasks the cluster, as it is now, can run at a time."""
+
+    def __init__(self, num_cpus: float) -> None:
+        self.num_cpus, self.count, self.asked = num_cpus, 1, -math.inf
+
+    def __call__(self) -> int:
+        # Clusters grow and shrink, but not with every unit.
+        if time.monotonic() - self.asked > SLOTS_HOLD_S:
+            self.count = max(1, int(ray.cluster_resources().get("CPU", 0) / self.num_cpus)) if self.num_cpus > 0 else MOST_IN_FLIGHT
+            self.asked = time.monotonic()
+        return self.count
 
 
 def run(campaign_folder: Path, *, max_retries: int = 20, num_cpus: float = 1, progress: Optional[bool] = None) -> dict[str, Any]:
-    """Runs the missing units of a campaign, a task a unit. At Ctrl-C what is finished of the units is kept.
+    """Runs the missing units of a campaign, a task a unit.
+
+    At Ctrl-C no more are begun: those that Ray has, two for each that the cluster can run, run to their end, or end with Ray, with the driver
+    or by :func:`ray.shutdown`. What is finished of the units is kept in either case.
 
     Args:
         campaign_folder: Folder of the campaign, which all workers see by the same name.
@@ -82,31 +101,32 @@ def run(campaign_folder: Path, *, max_retries: int = 20, num_cpus: float = 1, pr
     missing = campaign.missing(folder)
     left = iter(missing)
     flight: dict[Any, int] = {}
-    task, jobs = _remote(num_cpus, max_retries), max(1, int(num_cpus))
+    task, jobs, slots = _remote(num_cpus, max_retries), max(1, int(num_cpus)), _Slots(num_cpus)
     bars = _run.Progress(progress)
     bar = bars("units") if bars.tqdm else None
     if bar:
         bar.begin(len(missing), 0)
     try:
         while True:
-            for number in itertools.islice(left, MOST_IN_FLIGHT - len(flight)):
+            for number in itertools.islice(left, max(0, min(MOST_IN_FLIGHT, AHEAD * slots()) - len(flight))):
                 flight[task.options(name=f"grip unit {number}").remote(_unit, folder, number, jobs)] = number
             if not flight:
                 return campaign.status(folder)
-            (ended,), _ = ray.wait(list(flight))
-            number = flight.pop(ended)
-            try:
-                ray.get(ended)
-            except ray.exceptions.RayTaskError as error:
-                if not isinstance(error.cause, TryAgain):
-                    raise error.cause from None
-                log.warning("unit %d: tried %d times: %s", number, max_retries + 1, error.cause)
-            except ray.exceptions.RayError as error:
-                log.warning("unit %d: tried %d times: %s", number, max_retries + 1, error)
-            if bar:
-                bar.advance(1)
+            # As one ends, those that have ended too: to wait costs by how many are waited for.
+            ray.wait(list(flight))
+            for ended in ray.wait(list(flight), num_returns=len(flight), timeout=0)[0]:
+                number = flight.pop(ended)
+                try:
+                    ray.get(ended)
+                except ray.exceptions.RayTaskError as error:
+                    if not isinstance(error.cause, TryAgain):
+                        raise error.cause from None
+                    log.warning("unit %d: tried %d times: %s", number, max_retries + 1, error.cause)
+                except ray.exceptions.RayError as error:
+                    log.warning("unit %d: tried %d times: %s", number, max_retries + 1, error)
+                if bar:
+                    bar.advance(1)
     finally:
-        _cancel(flight)
         bars.close()
 
 
@@ -186,6 +206,8 @@ def adaptive(
     how long each takes, and so may the points. With ``parallel=1``, and with ``rounds``, it does not: points and results are then the same
     in every run, if ``ask`` and ``evaluate`` depend on nothing else.
 
+    Evaluations that are under way when it ends by an error or Ctrl-C run to their end, or end with Ray; their results are not used.
+
     A driver that was killed goes on when it is called again with the same journal: ``ask`` and ``tell`` are called anew in the order of the
     journal, so that who chooses knows what it knew, results in it are not evaluated again, and only then new points are. So ``ask`` must
     begin where it began the first time, and may draw at random only from a generator with a seed of its own.
@@ -221,10 +243,11 @@ def adaptive(
         if n is None:
             (done,), _ = ray.wait(list(flight.values()))
             n = next(n for n, ref in flight.items() if ref == done)
+            del flight[n]
             results[n] = book.result(n, ray.get(done))
         else:
+            del flight[n]
             results[n] = book.results.pop(n)
-        del flight[n]
         return n
 
     try:
@@ -242,5 +265,4 @@ def adaptive(
             for n in sorted(ended() for _ in range(len(flight) if rounds else 1)):
                 tell(points[n], results[n])
     finally:
-        _cancel(ref for ref in flight.values() if ref is not None)
         book.file.close()

@@ -152,6 +152,17 @@ def test_only_what_passes_is_tried_again(cluster, tmp_path, error, attempts):
     assert len((tmp_path / "attempts").read_text().splitlines()) == attempts
 
 
+def test_a_driver_outlives_evaluations_that_fail_together(cluster, tmp_path):
+    def fails(point):
+        raise ValueError("as said")
+
+    # With tasks that were cancelled it was ended by Ray in the first ten.
+    for n in range(200):
+        points = iter(range(4))
+        with pytest.raises(ValueError, match="as said"):
+            grip.ray.adaptive(lambda: next(points, None), lambda point, result: None, fails, budget=4, parallel=4, journal=tmp_path / str(n))
+
+
 class Sections:
     """Looks for where a falling function is a half: the interval is cut by several points at a time."""
 
