@@ -31,6 +31,7 @@
 //! | [`graspers`] | who plans grasps in a trial |
 //! | [`external`] | programs of others, and what is said to them |
 //! | [`trial`] | one trial: look, believe, choose, act, settle |
+//! | [`record`], [`table`] | everything that is known of a trial, saved; Parquet |
 //! | [`score`] | what counts as a success, and what a trial was like |
 //! | [`experiment`] | many trials, sweeps of pose errors, statistics, reports |
 //! | [`campaign`] | any of these, cut into units for clusters, and put together |
@@ -68,12 +69,14 @@ pub mod object_report;
 pub mod pictures;
 pub mod plot;
 pub mod progress;
+pub mod record;
 pub mod robot;
 pub mod run_dir;
 pub mod scenario;
 pub mod score;
 pub mod settings;
 pub mod setup;
+pub mod table;
 pub mod trial;
 pub mod workers;
 

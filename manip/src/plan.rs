@@ -3,6 +3,7 @@
 use grip_sim::pose::{Object, Pose, World};
 use serde::{Deserialize, Serialize};
 
+use crate::collision::InTheWay;
 use crate::grasp::{Grasp, GraspCounters};
 use crate::motion::Trajectory;
 use crate::place::PlacePose;
@@ -171,7 +172,9 @@ pub struct PlanCounters {
     pub grasps: GraspCounters,
     /// Grasps whose inverse kinematics was tried.
     pub grasps_tried: usize,
-    /// Of those, reached without collision.
+    /// Arms that would have reached one of them, but ran into something.
+    pub arms_blocked: InTheWay,
+    /// Of the grasps tried, reached without collision.
     pub grasps_reached: usize,
     /// Of those, approached straight.
     pub grasps_approached: usize,

@@ -16,7 +16,7 @@ use clap::builder::{PossibleValuesParser, TypedValueParser};
 use clap::{Args, ValueEnum};
 use grip_sim::camera::Intrinsics;
 
-use super::{Detector, DetectorArgs, ObjectTables, Renderer, RobotFile, SettingsFile};
+use super::{Detector, DetectorArgs, ObjectTables, RecordRate, Recorded, Renderer, RobotFile, SettingsFile};
 
 /// `grip trials`.
 #[derive(Debug, Args)]
@@ -76,6 +76,11 @@ pub struct TrialsArgs {
     /// Run only every N-th seed, beginning with the I-th; `grip merge` puts the shards together.
     #[arg(long, value_name = "I/N")]
     pub shard: Option<Shard>,
+    /// What to keep of what is known of each trial, in a folder of its own in records/ (docs/recordings.md).
+    #[arg(long, value_enum, value_name = "LEVEL", default_value_t = Recorded::Failures)]
+    pub record: Recorded,
+    #[command(flatten)]
+    pub record_rate: RecordRate,
     /// Print the figures as one JSON object on stdout.
     #[arg(long)]
     pub json: bool,
@@ -199,6 +204,7 @@ impl TrialsArgs {
             network: self.network.options(),
             grasps: self.grasps.clone(),
             shard: self.shard,
+            record: self.record.options(&self.record_rate),
             setup: SetupOptions {
                 seed: self.seed,
                 ycb: self.ycb.clone(),

@@ -5,6 +5,7 @@ use std::sync::Arc;
 
 use crate::estimators::{DetectorKind, EstimatorKind};
 use crate::graspers::GrasperKind;
+use crate::record::{Level, RecordOptions};
 use crate::settings::Settings;
 use crate::setup::SetupOptions;
 use anyhow::{Context, Result};
@@ -182,9 +183,14 @@ pub struct PackArgs {
     /// earlier run there is replaced when this one is done.
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
-    /// Save an animated replay of the trial (replay.gif), seen from outside, four times as fast.
+    /// What to keep of what is known of the trial, in the folder record/ (docs/recordings.md).
+    #[arg(long, value_enum, value_name = "LEVEL", default_value_t = Recorded::Full)]
+    pub record: Recorded,
+    #[command(flatten)]
+    pub record_rate: RecordRate,
+    /// Save an animated picture of the trial (replay.gif), seen from outside, four times as fast.
     #[arg(long)]
-    pub record: bool,
+    pub animation: bool,
     /// Save what the camera saw at each look as a BOP data set in the run folder (bop/), without truth: the seed is the
     /// scene, the look the image.
     #[arg(long)]
@@ -346,6 +352,40 @@ pub struct RobotArgs {
     /// Print JSON.
     #[arg(long)]
     pub json: bool,
+}
+
+/// What is kept of what is known of a trial.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum Recorded {
+    /// Nothing.
+    None,
+    /// The events of trials in which not everything was packed.
+    Failures,
+    /// Looks, plans, attempts, joints and forces over time.
+    Events,
+    /// And the poses of all bodies, all contacts, what the camera saw, and all of it as an animated scene (glTF).
+    Full,
+}
+
+impl Recorded {
+    /// With so many samples a second.
+    pub fn options(self, rate: &RecordRate) -> RecordOptions {
+        let level = match self {
+            Self::None => Level::None,
+            Self::Failures => Level::Failures,
+            Self::Events => Level::Events,
+            Self::Full => Level::Full,
+        };
+        RecordOptions { level, rate_hz: f64::from(rate.record_rate) }
+    }
+}
+
+/// How often a recording looks at what moves.
+#[derive(Debug, Clone, Copy, Args)]
+pub struct RecordRate {
+    /// Samples of a recording a simulated second: joints, forces, poses.
+    #[arg(long, value_name = "HZ", default_value_t = RecordOptions::RATE_HZ as u32, value_parser = clap::value_parser!(u32).range(1..=240))]
+    pub record_rate: u32,
 }
 
 /// Who draws.

@@ -19,6 +19,9 @@ use super::Done;
 use super::output::{self, Bar};
 use crate::cli::PackArgs;
 
+/// Folder of the recording in a run's folder.
+const RECORD: &str = "record";
+
 /// Packs, saves the run, prints the score.
 pub fn run(args: &PackArgs) -> Result<Done> {
     // What a full disk or a wrong --out would spoil is found out before the work, not after it.
@@ -59,7 +62,8 @@ pub fn run(args: &PackArgs) -> Result<Done> {
         grasper,
         items: Some(items),
         grasps: args.grasps.clone(),
-        pictures: Pictures::All { record: args.record },
+        pictures: Pictures::All { record: args.animation },
+        record: args.record.options(&args.record_rate),
     };
     let progress = Bar::spinner();
     let trial = trial::run(&setup, &estimator, &planner, renderer.as_mut(), options, &progress);
@@ -138,6 +142,11 @@ fn save(run: &RunDir, trial: &TrialRecord) -> Result<()> {
     }
     if let Some(replay) = &trial.replay {
         run.write("replay.gif", replay)?;
+    }
+    if let Some(recording) = &trial.recording {
+        for (name, content) in recording.files()? {
+            run.write(&format!("{RECORD}/{name}"), content)?;
+        }
     }
     run.write("report.html", report::html(trial)?)
 }

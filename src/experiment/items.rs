@@ -2,29 +2,15 @@
 
 use std::io::Write;
 use std::path::Path;
-use std::sync::Arc;
 
-use anyhow::{Context, Result};
+use anyhow::Result;
 use grip_sim::bop;
-use parquet::basic::{LogicalType, Repetition, Type as Physical};
-use parquet::data_type::{BoolType, ByteArray, ByteArrayType, DoubleType, Int64Type};
-use parquet::file::properties::WriterProperties;
-use parquet::file::writer::SerializedFileWriter;
-use parquet::schema::types::Type;
 
 use crate::score::outcome::{ItemResult, Outcome, TrialResult};
+use crate::table::{self, Column, Columns};
 
 /// The table's name in an experiment's folder.
 pub const FILE: &str = "items.parquet";
-
-/// A column's values, a row each.
-enum Column {
-    Text(Vec<String>),
-    Whole(Vec<i64>),
-    Yes(Vec<bool>),
-    /// Empty where there is no value.
-    Number(Vec<Option<f64>>),
-}
 
 /// Writes items.parquet into an experiment's folder.
 ///
@@ -49,7 +35,7 @@ const GROUP: usize = 1 << 16;
 
 /// Writes the table trial by trial. Its bytes depend on the trials and their order alone.
 pub struct Writer<W: Write + Send> {
-    file: SerializedFileWriter<W>,
+    table: table::Writer<W>,
     held: Vec<TrialResult>,
     rows: usize,
     /// Rows of a group.
@@ -67,10 +53,8 @@ impl<W: Write + Send> Writer<W> {
     }
 
     fn grouped(to: W, group: usize) -> Result<Self> {
-        let file = schema(&columns(&[]))
-            .and_then(|schema| SerializedFileWriter::new(to, schema, Arc::new(WriterProperties::default())))
-            .with_context(cannot)?;
-        Ok(Self { file, held: Vec::new(), rows: 0, group, empty: true })
+        let table = table::Writer::new(to, "items", &columns(&[]))?;
+        Ok(Self { table, held: Vec::new(), rows: 0, group, empty: true })
     }
 
     /// Adds the items of a trial.
@@ -94,22 +78,18 @@ impl<W: Write + Send> Writer<W> {
         if self.rows > 0 || self.empty {
             self.flush()?;
         }
-        self.file.into_inner().with_context(cannot)
+        self.table.finish()
     }
 
     fn flush(&mut self) -> Result<()> {
-        write_group(&mut self.file, &columns(&self.held)).with_context(cannot)?;
+        self.table.group(&columns(&self.held))?;
         self.held.clear();
         (self.rows, self.empty) = (0, false);
         Ok(())
     }
 }
 
-fn cannot() -> String {
-    format!("{FILE}: cannot be made")
-}
-
-fn columns(trials: &[TrialResult]) -> Vec<(&'static str, Column)> {
+fn columns(trials: &[TrialResult]) -> Columns {
     let rows: Vec<(&TrialResult, &ItemResult)> =
         trials.iter().flat_map(|trial| trial.items.iter().map(move |item| (trial, item))).collect();
     let text = |of: fn(&TrialResult, &ItemResult) -> String| {
@@ -121,7 +101,7 @@ fn columns(trials: &[TrialResult]) -> Vec<(&'static str, Column)> {
     let number =
         |of: fn(&ItemResult) -> Option<f64>| Column::Number(rows.iter().map(|(_, item)| of(item)).collect());
     let yes = |of: fn(&ItemResult) -> bool| Column::Yes(rows.iter().map(|(_, item)| of(item)).collect());
-    vec![
+    let columns = vec![
         // As text: not every reader has 64 bits without a sign.
         ("seed", text(|t, _| t.seed.to_string())),
         ("scene", text(|t, _| t.scene.clone())),
@@ -154,93 +134,15 @@ fn columns(trials: &[TrialResult]) -> Vec<(&'static str, Column)> {
         ("set_down", yes(|i| i.clauses.set_down)),
         ("unharmed", yes(|i| i.clauses.unharmed)),
         ("nothing_knocked_out", yes(|i| i.clauses.nothing_knocked_out)),
-    ]
-}
-
-fn schema(columns: &[(&str, Column)]) -> parquet::errors::Result<Arc<Type>> {
-    let fields = columns
-        .iter()
-        .map(|(name, column)| {
-            let (physical, logical, repetition) = match column {
-                Column::Text(_) => (Physical::BYTE_ARRAY, Some(LogicalType::String), Repetition::REQUIRED),
-                Column::Whole(_) => (Physical::INT64, None, Repetition::REQUIRED),
-                Column::Yes(_) => (Physical::BOOLEAN, None, Repetition::REQUIRED),
-                Column::Number(_) => (Physical::DOUBLE, None, Repetition::OPTIONAL),
-            };
-            let field = Type::primitive_type_builder(name, physical)
-                .with_logical_type(logical)
-                .with_repetition(repetition)
-                .build()?;
-            Ok(Arc::new(field))
-        })
-        .collect::<parquet::errors::Result<Vec<_>>>()?;
-    Ok(Arc::new(Type::group_type_builder("items").with_fields(fields).build()?))
-}
-
-fn write_group<W: Write + Send>(
-    writer: &mut SerializedFileWriter<W>,
-    columns: &[(&str, Column)],
-) -> parquet::errors::Result<()> {
-    let mut group = writer.next_row_group()?;
-    for (_, column) in columns {
-        let Some(mut next) = group.next_column()? else { break };
-        match column {
-            Column::Text(values) => {
-                let values: Vec<ByteArray> = values.iter().map(|v| ByteArray::from(v.as_str())).collect();
-                next.typed::<ByteArrayType>().write_batch(&values, None, None)?;
-            }
-            Column::Whole(values) => {
-                next.typed::<Int64Type>().write_batch(values, None, None)?;
-            }
-            Column::Yes(values) => {
-                next.typed::<BoolType>().write_batch(values, None, None)?;
-            }
-            Column::Number(values) => {
-                let there: Vec<f64> = values.iter().flatten().copied().collect();
-                let levels: Vec<i16> = values.iter().map(|v| i16::from(v.is_some())).collect();
-                next.typed::<DoubleType>().write_batch(&there, Some(&levels), None)?;
-            }
-        }
-        next.close()?;
-    }
-    group.close()?;
-    Ok(())
+    ];
+    columns.into_iter().map(|(name, column)| (name.to_owned(), column)).collect()
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
     use parquet::file::reader::{FileReader, SerializedFileReader};
-    use parquet::record::{Field, RowAccessor};
-
-    #[test]
-    fn what_is_written_is_read_back() {
-        let columns = [
-            ("name", Column::Text(vec!["a".into(), "ü, \"b\"".into()])),
-            ("n", Column::Whole(vec![-1, 7])),
-            ("yes", Column::Yes(vec![true, false])),
-            ("x", Column::Number(vec![None, Some(0.1)])),
-        ];
-        let mut bytes = Vec::new();
-        let properties = Arc::new(WriterProperties::default());
-        let mut writer =
-            SerializedFileWriter::new(&mut bytes, schema(&columns).unwrap(), properties).unwrap();
-        write_group(&mut writer, &columns).unwrap();
-        writer.close().unwrap();
-        assert_eq!((&bytes[..4], &bytes[bytes.len() - 4..]), (&b"PAR1"[..], &b"PAR1"[..]));
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("t.parquet");
-        std::fs::write(&path, bytes).unwrap();
-        let reader = SerializedFileReader::new(std::fs::File::open(path).unwrap()).unwrap();
-        let rows: Vec<Vec<Field>> = reader
-            .get_row_iter(None)
-            .unwrap()
-            .map(|row| row.unwrap().get_column_iter().map(|(_, field)| field.clone()).collect())
-            .collect();
-        let text = |s: &str| Field::Str(s.into());
-        assert_eq!(rows[0], [text("a"), Field::Long(-1), Field::Bool(true), Field::Null]);
-        assert_eq!(rows[1], [text("ü, \"b\""), Field::Long(7), Field::Bool(false), Field::Double(0.1)]);
-    }
+    use parquet::record::RowAccessor;
 
     #[test]
     fn no_trials_make_an_empty_table() {

@@ -68,6 +68,11 @@ pub fn merge(folders: &[PathBuf], out: &Path) -> Result<Merged> {
                 Err(error) if error.kind() == std::io::ErrorKind::NotFound => {}
                 Err(error) => return Err(error).with_context(|| folder.join(&film).display().to_string()),
             }
+            let record = key.record();
+            for (name, path) in files_in(&folder.join(&record))? {
+                let bytes = std::fs::read(&path).with_context(|| path.display().to_string())?;
+                run.write(&record.join(name).to_string_lossy(), bytes)?;
+            }
             trials.insert(key, trial);
         }
         for line in journal::read::<TimingLine>(&folder.join(TIMINGS))? {
@@ -88,4 +93,25 @@ pub fn merge(folders: &[PathBuf], out: &Path) -> Result<Merged> {
     run.folder(FILMS)?;
     run.finish()?;
     Ok(Merged { results: trials, left_out: left_out.len() })
+}
+
+/// The files in a folder of two levels, with their names from there; none where it is not.
+pub(crate) fn files_in(folder: &Path) -> Result<Vec<(PathBuf, PathBuf)>> {
+    let mut files = Vec::new();
+    if !folder.is_dir() {
+        return Ok(files);
+    }
+    let listed = |folder: &Path| -> Result<Vec<PathBuf>> {
+        let entries = std::fs::read_dir(folder).with_context(|| folder.display().to_string())?;
+        let mut paths = entries.map(|entry| Ok(entry?.path())).collect::<std::io::Result<Vec<_>>>()?;
+        paths.sort();
+        Ok(paths)
+    };
+    for path in listed(folder)? {
+        let inside = if path.is_dir() { listed(&path)? } else { vec![path] };
+        for path in inside {
+            files.push((path.strip_prefix(folder)?.to_path_buf(), path));
+        }
+    }
+    Ok(files)
 }

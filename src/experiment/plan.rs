@@ -16,6 +16,7 @@ use sha2::{Digest, Sha256};
 
 use crate::estimators::{DetectorKind, Estimator, EstimatorKind, NetworkOptions, Recorded};
 use crate::graspers::{GRIP, Grasper, GrasperKind};
+use crate::record::RecordOptions;
 use crate::scenario::{Program, Scenario, program};
 use crate::score::outcome::{TrialResult, method};
 use crate::setup::{self, Setup, SetupOptions};
@@ -34,6 +35,8 @@ pub const LEFT_OUT: &str = "left_out.jsonl";
 pub const TIMINGS: &str = "timings.jsonl";
 /// Attempts from outside: of the first seed and of each failure.
 pub const FILMS: &str = "films";
+/// Folder of the recordings.
+pub const RECORDS: &str = "records";
 
 /// A part of an experiment: every `of`-th seed, from the `index`-th on. Trials that are to be compared stay together.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
@@ -94,9 +97,18 @@ impl Key {
 
     /// The path of its film in the experiment's folder.
     pub fn film(&self) -> PathBuf {
+        Path::new(FILMS).join(format!("{}.jpg", self.words()))
+    }
+
+    /// The path of its recording in the experiment's folder.
+    pub fn record(&self) -> PathBuf {
+        Path::new(RECORDS).join(self.words())
+    }
+
+    fn words(&self) -> String {
         let Self { seed, scene, condition, estimator, grasper } = self;
         let by = if is_grip(grasper) { String::new() } else { format!("-{grasper}") };
-        Path::new(FILMS).join(format!("{seed}-{scene}-{condition}-{estimator}{by}.jpg"))
+        format!("{seed}-{scene}-{condition}-{estimator}{by}")
     }
 
     /// Who estimated, and who planned grasps where that is not our own planner.
@@ -126,6 +138,8 @@ pub struct TrialsOptions {
     pub grasps: Option<PathBuf>,
     /// Only every N-th seed.
     pub shard: Option<Shard>,
+    /// What is kept of what is known of each trial.
+    pub record: RecordOptions,
     /// Objects, robot, settings and the first seed.
     pub setup: SetupOptions,
 }
@@ -142,6 +156,7 @@ impl Default for TrialsOptions {
             network: NetworkOptions::default(),
             grasps: None,
             shard: None,
+            record: RecordOptions::default(),
             setup: SetupOptions::default(),
         }
     }
@@ -205,6 +220,8 @@ pub struct Plan {
     pub seeds: u32,
     /// Whether to keep pictures of the first seed and of failures, most of what an experiment takes on a disk.
     pub films: bool,
+    /// What is kept of what is known of each trial.
+    pub record: RecordOptions,
     shard: Option<Shard>,
     estimator_names: Vec<String>,
     grasper_names: Vec<String>,
@@ -313,6 +330,7 @@ impl Plan {
             first_seed,
             seeds: options.trials,
             films: true,
+            record: options.record,
             shard: options.shard,
             estimator_names: estimators,
             grasper_names: graspers,

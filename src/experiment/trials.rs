@@ -121,6 +121,7 @@ pub fn run_cases(
                     (true, true) => Pictures::Film,
                     (true, false) => Pictures::FilmOfFailures,
                 },
+                record: plan.record,
             };
             let estimator = &estimators[case.estimator];
             let ran = trial::run(&setup, estimator, planner, renderer.as_mut(), options, &Part(progress));
@@ -144,6 +145,9 @@ pub fn run_cases(
             if !trial.strips.is_empty() {
                 let film = pictures::jpeg(&film::sheet(&trial.strips))?;
                 bop::write_atomic(&out.join(case.key.film()), &film)?;
+            }
+            if let Some(recording) = &trial.recording {
+                recording.write(&out.join(case.key.record()))?;
             }
             let mut result = trial.result;
             let timing = result.timing.take();

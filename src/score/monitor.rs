@@ -125,6 +125,13 @@ impl GraspMonitor {
         contacts.fixtures.is_empty() && contacts.objects.is_empty() && !carried
     }
 
+    /// How far the object has moved and turned in the hand since the fingers closed, metres and radians; none while it is not pinched.
+    pub fn slip_now(&self, world: &World) -> Option<(f64, f64)> {
+        let held_at = self.held_at.filter(|_| self.pinches(world, self.object))?;
+        let moved = held_at.inverse() * self.gripper_from_object(world);
+        Some((moved.translation.vector.norm(), moved.rotation.angle()))
+    }
+
     fn gripper_from_object(&self, world: &World) -> Isometry3<f64> {
         world.link_pose(self.gripper_link).inverse() * world.truth(self.object).iso()
     }

@@ -48,14 +48,23 @@ impl HeadCamera {
         Self { scene: Arc::new(scene.clone()), room: Arc::default(), seed, ..self.clone() }
     }
 
-    /// Everything there is to see, as it stands now.
-    pub fn view(&self, world: &World) -> RenderScene {
-        let (furniture, bounce) = self.room.get_or_init(|| {
+    /// What it sees beside the robot and the objects.
+    pub fn furniture(&self) -> &Furniture {
+        &self.room().0
+    }
+
+    fn room(&self) -> &(Furniture, Bounce) {
+        self.room.get_or_init(|| {
             let Scene { table, surroundings, .. } = &*self.scene;
             let furniture = render::furniture(&self.scene.fixtures(), *surroundings, self.seed);
             let bounce = Bounce::of(table, furniture.table_albedo);
             (furniture, bounce)
-        });
+        })
+    }
+
+    /// Everything there is to see, as it stands now.
+    pub fn view(&self, world: &World) -> RenderScene {
+        let (furniture, bounce) = self.room();
         let mut view = world.render_scene(&furniture.drawn);
         view.bounce = Some(*bounce);
         view

@@ -2,12 +2,13 @@
 
 use std::time::Instant;
 
-use grip_manip::{PickPlacePlan, PlanStage, PlanStep, Risk};
+use grip_manip::{PickPlacePlan, PlanFailure, PlanStage, PlanStep, Risk};
 
 use super::Trial;
 use super::belief::Belief;
 use super::look::Seen;
 use crate::graspers::Grasper;
+use crate::record::Action;
 use crate::score::outcome::{Outcome, Stage};
 
 /// What is to be done next.
@@ -66,6 +67,7 @@ impl Trial<'_> {
             Some(given) => self.planner.plan_pick_place_with(scene, b, &given[b], q, risk, seed),
         };
         self.records[i].plan_s += clock.elapsed().as_secs_f64();
+        self.searched(i, Action::Pack, risk, plan.as_ref(), clock);
         match plan {
             Ok(plan) => Some(Choice { object: i, plan, aside: false }),
             Err(failure) => {
@@ -87,6 +89,19 @@ impl Trial<'_> {
         }
     }
 
+    fn searched(
+        &mut self,
+        item: usize,
+        action: Action,
+        risk: Risk,
+        plan: Result<&PickPlacePlan, &PlanFailure>,
+        clock: Instant,
+    ) {
+        let body = self.bodies.of(item);
+        self.recorder.took("plan", Some(body), clock.elapsed());
+        self.recorder.planned((body, self.world.time()), action, risk, plan);
+    }
+
     /// A plan to put object `b` of the belief elsewhere on the table, where it can be gripped anew.
     fn plan_aside(&mut self, belief: &Belief, b: usize) -> Option<Choice> {
         let i = belief.index[b];
@@ -102,6 +117,7 @@ impl Trial<'_> {
             Some(given) => self.planner.plan_put_aside_with(scene, b, &given[b], table, q, seed),
         };
         self.records[i].plan_s += clock.elapsed().as_secs_f64();
+        self.searched(i, Action::Aside, Risk::Averse, plan.as_ref(), clock);
         plan.map_err(|failure| log::debug!("aside: {failure}")).ok().map(|plan| Choice {
             object: i,
             plan,

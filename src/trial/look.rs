@@ -1,5 +1,7 @@
 //! Looking: what the camera sees, what is estimated from it, and where each thing is then believed to be.
 
+use std::time::Instant;
+
 use anyhow::Result;
 use grip_perception::PosePosterior;
 use grip_physics::World;
@@ -116,16 +118,22 @@ impl Trial<'_> {
         // By true poses only depth is looked at, for what else is in the way; a picture is most of such a trial's work.
         let colour = !matches!(self.estimator, Estimator::Truth)
             || matches!(self.options.grasper, Grasper::Other { .. })
-            || matches!(self.options.pictures, Pictures::All { .. });
+            || matches!(self.options.pictures, Pictures::All { .. })
+            || self.recorder.is_full();
+        let clock = Instant::now();
         let frame = match colour {
             true => setup.capture(&self.world, self.renderer, shot)?.0,
             false => setup.capture_depth(&self.world, self.renderer, shot)?,
         };
+        self.recorder.looks(&frame, &self.world);
+        self.recorder.took("picture", None, clock.elapsed());
         self.cameras.push(frame.world_from_camera);
         let in_bin = |record: &ItemRecord| record.believed_packed.is_some();
         let (inside, asked): (Vec<usize>, Vec<usize>) =
             (0..self.records.len()).partition(|&i| in_bin(&self.records[i]));
+        let clock = Instant::now();
         let estimates = self.estimate(&frame, &asked, again, false)?;
+        self.recorder.took("estimate", None, clock.elapsed());
         let mut believed = vec![None; self.records.len()];
         for (i, posterior) in &estimates {
             believed[*i] = Some(frame.world_from_camera * posterior.best);
@@ -137,14 +145,19 @@ impl Trial<'_> {
             record.estimate_s += posterior.seconds;
             let body = self.bodies.of(*i);
             let truth = frame.world_from_camera.inverse() * self.world.truth(body);
-            errors[*i] = Some(score::pose_errors(self.world.object(body), &truth, &posterior.best));
+            let error = score::pose_errors(self.world.object(body), &truth, &posterior.best);
+            let believed = posterior.confidence >= setup.settings.belief.least_confidence;
+            self.recorder.estimated((body, &self.world), (&frame, posterior), error, (false, believed));
+            errors[*i] = Some(error);
             // After an attempt the errors of the look before it stay.
             if record.attempts == 0 {
                 record.record_errors(errors[*i]);
             }
         }
         if !inside.is_empty() {
+            let clock = Instant::now();
             let there = self.estimate(&frame, &inside, again, true)?;
+            self.recorder.took("estimate_in_bin", None, clock.elapsed());
             self.correct_places(&frame, &there);
         }
         self.before.clone_from(&estimates);
@@ -189,11 +202,17 @@ impl Trial<'_> {
             let model = &self.setup.models[*i];
             let sure = matches!(self.estimator, Estimator::Truth)
                 || share_in_view(frame, model, &posterior.best) >= settings.in_view;
-            if sure
+            let believed = sure
                 && posterior.confidence >= settings.least_confidence
                 && moved < settings.moved_in_bin_m
-                && self.setup.cell.scene.bin.contains(&centre, settings.over_bin_m)
-            {
+                && self.setup.cell.scene.bin.contains(&centre, settings.over_bin_m);
+            if self.recorder.is_on() {
+                let body = self.bodies.of(*i);
+                let truth = frame.world_from_camera.inverse() * self.world.truth(body);
+                let error = score::pose_errors(model, &truth, &posterior.best);
+                self.recorder.estimated((body, &self.world), (frame, posterior), error, (true, believed));
+            }
+            if believed {
                 record.believed_packed = Some(pose);
             }
         }

@@ -47,6 +47,7 @@ use self::report::LookPictures;
 use crate::estimators::{Estimates, Estimator, EstimatorFailed};
 use crate::graspers::{Grasper, GrasperFailed};
 use crate::progress::{Interrupted, Progress};
+use crate::record::{Action, Level, RecordOptions, Recorder, Recording};
 use crate::scenario::Scenario;
 use crate::score::outcome::{
     ItemResult, ItemTiming, Measures, Outcome, Stage, TRIAL_SCHEMA, Timing, TrialResult,
@@ -68,6 +69,8 @@ pub struct TrialOptions {
     pub grasps: Option<PathBuf>,
     /// Which pictures to make for people; nothing else depends on them.
     pub pictures: Pictures,
+    /// What to keep of what is known; nothing else depends on it.
+    pub record: RecordOptions,
 }
 
 /// Pictures of a trial.
@@ -101,6 +104,8 @@ pub struct TrialRecord {
     pub strips: Vec<Strip>,
     /// The animated replay, a GIF.
     pub replay: Option<Vec<u8>>,
+    /// What was recorded, if it was to be kept.
+    pub recording: Option<Recording>,
 }
 
 /// A trial that goes on.
@@ -125,6 +130,7 @@ pub struct Trial<'a> {
     before: Estimates,
     joints: JointLog,
     film: Film<'a>,
+    recorder: Recorder,
     looks: Vec<LookPictures>,
     /// What was handled last, and where everything was when it had come to rest afterwards.
     handled: Option<(usize, Vec<Location>)>,
@@ -178,15 +184,15 @@ pub fn run(
             Some(_) => None,
             None => careful.or_else(|| trial.choose(&belief, &seen, Risk::Tolerant)),
         };
-        trial.picture(
-            &seen,
-            match (&choice, &push) {
-                (Some(choice), _) if choice.aside => format!("puts {} aside", trial.name(choice.object)),
-                (Some(choice), _) => format!("picks {}", trial.name(choice.object)),
-                (None, Some((object, _))) => format!("pushes {}", trial.name(*object)),
-                (None, None) => "nothing can be picked".to_owned(),
-            },
-        )?;
+        let decision = match (&choice, &push) {
+            (Some(choice), _) if choice.aside => format!("puts {} aside", trial.name(choice.object)),
+            (Some(choice), _) => format!("picks {}", trial.name(choice.object)),
+            (None, Some((object, _))) => format!("pushes {}", trial.name(*object)),
+            (None, None) => "nothing can be picked".to_owned(),
+        };
+        let counts = [seen.asked.len(), belief.index.len(), belief.scene.unmodelled.len()];
+        trial.recorder.decided(trial.world.time(), &seen.frame, counts, &decision);
+        trial.picture(&seen, decision)?;
         let attempt = match (choice, push) {
             (Some(choice), _) => trial.act(&seen, belief, &choice),
             (None, Some((object, steps))) => trial.push(belief, object, &steps),
@@ -231,6 +237,7 @@ impl<'a> Trial<'a> {
         log::info!("scene settled in {:.1} s, {} layouts rejected", dropped.settle_s, dropped.rejected.len());
         let grasps = (&options.grasper, options.grasps.as_deref());
         let scenario = Scenario::new(setup, estimator, grasps, items, renderer.name())?;
+        let recorder = Recorder::new(setup, options.record);
         Ok(Self {
             film: Film::new(setup, options.pictures == Pictures::All { record: true }),
             setup,
@@ -248,6 +255,7 @@ impl<'a> Trial<'a> {
             cameras: Vec::new(),
             before: Estimates::new(),
             joints: JointLog::default(),
+            recorder,
             looks: Vec::new(),
             handled: None,
             pushes: 0,
@@ -276,12 +284,14 @@ impl<'a> Trial<'a> {
 
     /// The belief after a look: what was estimated with some confidence, what was put into the bin where it was put, and
     /// readings that none of these explain.
-    pub fn believe(&self, seen: &Seen) -> Belief {
+    pub fn believe(&mut self, seen: &Seen) -> Belief {
+        let clock = Instant::now();
         let mut belief = Belief::new(self.setup, &seen.frame, &seen.estimates, &self.records);
         let joints = &self.joints();
         belief.scene.unmodelled = self.planner.unmodelled_obstacles(&belief.scene, &seen.frame, joints);
         let points = belief.scene.unmodelled.len();
         log::debug!("look {}: {points} points of unmodelled obstacles", self.number());
+        self.recorder.took("obstacles", None, clock.elapsed());
         belief
     }
 
@@ -292,7 +302,7 @@ impl<'a> Trial<'a> {
         if choice.aside {
             self.progress.message(&format!("look {}: putting {name} aside", self.number() + 1));
             self.records[i].put_aside += 1;
-            return self.handle(belief, i, &choice.plan.steps);
+            return self.handle(belief, i, Action::Aside, &choice.plan.steps);
         }
         self.progress.message(&format!("look {}: packing {name}", self.number() + 1));
         let attempt = Attempt { object: i, locations: self.locations(), poses: self.world.poses() };
@@ -338,18 +348,24 @@ impl<'a> Trial<'a> {
         let name = self.name(object);
         self.progress.message(&format!("look {}: pushing {name}", self.number() + 1));
         self.pushes += 1;
-        self.handle(belief, object, steps)
+        self.handle(belief, object, Action::Push, steps)
     }
 
     /// Carries out steps that do not pack object `i`, and goes back to where the camera sees the table.
-    fn handle(&mut self, belief: Belief, i: usize, steps: &[PlanStep]) -> Attempt {
+    fn handle(&mut self, belief: Belief, i: usize, action: Action, steps: &[PlanStep]) -> Attempt {
         let attempt = Attempt { object: i, locations: self.locations(), poses: self.world.poses() };
         let name = self.name(i);
         self.world.reset_peaks();
         self.film.begin(&self.world, &name);
+        self.recorder.begins(action, self.bodies.of(i), (self.setup, &self.world), steps);
         let shared = SharedWorld::new(&mut self.world);
-        let mut observer =
-            TrialObserver { world: &shared, monitor: None, joints: &mut self.joints, film: &mut self.film };
+        let mut observer = TrialObserver {
+            world: &shared,
+            monitor: None,
+            joints: &mut self.joints,
+            film: &mut self.film,
+            recorder: &mut self.recorder,
+        };
         let executor = &self.setup.settings.executor;
         let report = execute_steps(
             &mut WorldPort::new(&shared, &self.setup.miscalibration),
@@ -358,6 +374,7 @@ impl<'a> Trial<'a> {
             &mut observer,
         );
         log::debug!("{name} elsewhere: {:?}", report.outcome);
+        self.recorder.ends(&self.world, &report, None);
         if report.failure().is_some() {
             self.release();
         }
@@ -371,9 +388,15 @@ impl<'a> Trial<'a> {
         let hand = self.setup.cell.config.gripper.link;
         let monitor = Some(GraspMonitor::begin(&self.world, self.bodies.of(i), hand, &settings.success));
         self.film.begin(&self.world, &self.name(i));
+        self.recorder.begins(Action::Pack, self.bodies.of(i), (self.setup, &self.world), &plan.steps);
         let shared = SharedWorld::new(&mut self.world);
-        let mut observer =
-            TrialObserver { world: &shared, monitor, joints: &mut self.joints, film: &mut self.film };
+        let mut observer = TrialObserver {
+            world: &shared,
+            monitor,
+            joints: &mut self.joints,
+            film: &mut self.film,
+            recorder: &mut self.recorder,
+        };
         let report = execute(
             &mut WorldPort::new(&shared, &self.setup.miscalibration),
             plan,
@@ -390,7 +413,9 @@ impl<'a> Trial<'a> {
                 step.peak_contact_n
             );
         }
-        (report, observer.monitor)
+        let monitor = observer.monitor;
+        self.recorder.ends(&self.world, &report, monitor.as_ref());
+        (report, monitor)
     }
 
     /// The name of an item for people, who know which of several it is.
@@ -405,8 +430,13 @@ impl<'a> Trial<'a> {
     /// Opens the gripper where it stands, so that nothing is carried about after a failure.
     fn release(&mut self) {
         let shared = SharedWorld::new(&mut self.world);
-        let mut observer =
-            TrialObserver { world: &shared, monitor: None, joints: &mut self.joints, film: &mut self.film };
+        let mut observer = TrialObserver {
+            world: &shared,
+            monitor: None,
+            joints: &mut self.joints,
+            film: &mut self.film,
+            recorder: &mut self.recorder,
+        };
         let settings = &self.setup.settings.executor;
         let report = release_in_place(
             &mut WorldPort::new(&shared, &self.setup.miscalibration),
@@ -439,8 +469,13 @@ impl<'a> Trial<'a> {
         let head = self.planner.plan_head(&self.joints(), goal);
         let shared = SharedWorld::new(&mut self.world);
         let mut port = WorldPort::new(&shared, &self.setup.miscalibration);
-        let mut observer =
-            TrialObserver { world: &shared, monitor: None, joints: &mut self.joints, film: &mut self.film };
+        let mut observer = TrialObserver {
+            world: &shared,
+            monitor: None,
+            joints: &mut self.joints,
+            film: &mut self.film,
+            recorder: &mut self.recorder,
+        };
         for trajectory in std::iter::once(trajectory).chain(head) {
             let report = execute_motion(&mut port, &trajectory, &settings.executor, &mut observer);
             if let Some((.., reason)) = report.failure() {
@@ -454,11 +489,13 @@ impl<'a> Trial<'a> {
     /// What still rolls comes to rest; then what the attempt did to the other items is noted.
     pub fn settle(&mut self, attempt: &Attempt) {
         let handled = attempt.object;
-        self.world.settle(self.setup.settings.trial.calm_s);
+        let recorder = &mut self.recorder;
+        self.world.settle_watched(self.setup.settings.trial.calm_s, |world| recorder.watch(world));
         let after = self.note_losses(&attempt.locations, handled);
         self.note_blows();
         let disturbed_m = self.setup.settings.score.disturbed_m;
         let moved = self.world.moved_since(&attempt.poses);
+        self.recorder.rests(&self.world, &after, &moved);
         let body = self.bodies.of(handled);
         let record = &mut self.records[handled];
         for (other, moved) in moved.into_iter().enumerate().filter(|(i, _)| *i != body) {
@@ -523,7 +560,8 @@ impl<'a> Trial<'a> {
     pub fn finish(mut self) -> Result<TrialRecord> {
         let settings = &self.setup.settings.trial;
         self.progress.message("settling the bin");
-        self.world.settle(settings.final_settle_s);
+        let recorder = &mut self.recorder;
+        self.world.settle_watched(settings.final_settle_s, |world| recorder.watch(world));
         if let Some((handled, locations)) = self.handled.take() {
             self.note_losses(&locations, handled);
         }
@@ -531,7 +569,7 @@ impl<'a> Trial<'a> {
         let before = self.world.poses();
         let drift_m = self.world.drift(settings.drift_s);
         let moved = self.world.moved_since(&before);
-        let Self { setup, records, bodies, world, renderer, progress, film, .. } = self;
+        let Self { setup, records, bodies, world, renderer, progress, film, recorder, .. } = self;
         // The robot numbers several of a kind as it likes; results are of bodies, so that runs can be compared.
         let order = bodies.order(self.items);
         let (mut records, bodies): (Vec<ItemRecord>, Bodies) =
@@ -584,6 +622,20 @@ impl<'a> Trial<'a> {
                 items: records.iter().take(self.items).map(timing).collect(),
             }),
         };
-        Ok(TrialRecord { result, scenario: self.scenario, looks: self.looks, after, strips, replay })
+        let keeps = match self.options.record.level {
+            Level::None => false,
+            Level::Failures => packed < self.items,
+            Level::Events | Level::Full => true,
+        };
+        let recording = keeps.then(|| Recording::new(recorder, &result, setup.camera.intrinsics));
+        Ok(TrialRecord {
+            result,
+            scenario: self.scenario,
+            looks: self.looks,
+            after,
+            strips,
+            replay,
+            recording,
+        })
     }
 }

@@ -10,6 +10,7 @@ use grip_physics::{Grip, STEP_HZ, World};
 use nalgebra::Vector3;
 
 use super::film::Film;
+use crate::record::Recorder;
 use crate::score::{GraspMonitor, JointLog};
 use crate::setup::Miscalibration;
 
@@ -124,6 +125,8 @@ pub struct TrialObserver<'a, 'w, 'f> {
     pub joints: &'a mut JointLog,
     /// The camera outside.
     pub film: &'a mut Film<'f>,
+    /// Takes down what happens.
+    pub recorder: &'a mut Recorder,
 }
 
 impl Observer for TrialObserver<'_, '_, '_> {
@@ -131,6 +134,7 @@ impl Observer for TrialObserver<'_, '_, '_> {
         let world = self.world.borrow();
         self.joints.push(time, world.joints());
         self.film.tick(&world);
+        self.recorder.tick(&world, step, self.monitor.as_ref());
         let Some(monitor) = &mut self.monitor else { return };
         match step {
             StepName::Close | StepName::Lift | StepName::Carry | StepName::Shake => monitor.step(&world),
@@ -141,6 +145,7 @@ impl Observer for TrialObserver<'_, '_, '_> {
 
     fn step_done(&mut self, report: &StepReport) {
         self.film.step_done(&self.world.borrow(), report.name);
+        self.recorder.step_done(report);
         let Some(monitor) = &mut self.monitor else { return };
         match report.name {
             StepName::Close => monitor.closed(&self.world.borrow()),

@@ -33,7 +33,7 @@ pub struct LookPictures {
 /// # Errors
 /// When a picture cannot be encoded.
 pub fn html(trial: &TrialRecord) -> Result<String> {
-    let TrialRecord { result, scenario: _, looks, after, strips, replay } = trial;
+    let TrialRecord { result, looks, after, strips, replay, .. } = trial;
     let (wall_s, times) = result.timing.as_ref().map_or((0.0, [].as_slice()), |t| (t.wall_s, &t.items));
     let mut page = String::new();
     let title = format!("{} of {} packed", result.packed, result.requested);

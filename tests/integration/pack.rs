@@ -125,7 +125,7 @@ fn grasps_that_one_command_saves_the_other_uses_and_a_replay_shows_it() {
     let folder = tempfile::tempdir().unwrap();
     let path = |name: &str| folder.path().join(name).to_str().unwrap().to_string();
     let (sets, out) = (path("grasps"), path("run"));
-    let pack = ["pack", "--estimator", "truth", "--items", "1", "--seed", "3", "--record", "--out", &out];
+    let pack = ["pack", "--estimator", "truth", "--items", "1", "--seed", "3", "--animation", "--out", &out];
     let with_sets = [&pack[..], &["--grasps", &sets]].concat();
     let missing = common::grip(&with_sets);
     assert_eq!(code(&missing), 2);

@@ -12,6 +12,6 @@ mod unmodelled;
 
 pub use checker::CollisionChecker;
 pub use cover::Ball;
-pub use query::{CollisionBody, CollisionPair, CollisionQuery, HeldObject, Margins};
+pub use query::{CollisionBody, CollisionPair, CollisionQuery, HeldObject, InTheWay, Margins};
 pub use robot::{CoverSummary, RobotSolids};
 pub use unmodelled::{UnmodelledSettings, unmodelled_obstacles};

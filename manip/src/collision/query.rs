@@ -33,6 +33,44 @@ pub struct CollisionPair {
     pub b: CollisionBody,
 }
 
+/// How often a body of which kind was in the way.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize)]
+pub struct InTheWay {
+    /// Table, bin, shelf.
+    pub fixtures: usize,
+    /// Other believed objects.
+    pub objects: usize,
+    /// What the depth image shows and nothing believed explains.
+    pub unmodelled: usize,
+    /// The robot itself, or what it holds.
+    pub robot: usize,
+}
+
+impl InTheWay {
+    /// Counts the second body of a pair.
+    pub(crate) fn count(&mut self, pair: CollisionPair) {
+        *match pair.b {
+            CollisionBody::Fixture(_) => &mut self.fixtures,
+            CollisionBody::Object(_) => &mut self.objects,
+            CollisionBody::Unmodelled => &mut self.unmodelled,
+            CollisionBody::Link(_) | CollisionBody::Held => &mut self.robot,
+        } += 1;
+    }
+
+    /// Counts what was counted elsewhere, too.
+    pub(crate) fn add(&mut self, other: &Self) {
+        self.fixtures += other.fixtures;
+        self.objects += other.objects;
+        self.unmodelled += other.unmodelled;
+        self.robot += other.robot;
+    }
+
+    /// Of all kinds.
+    pub fn total(&self) -> usize {
+        self.fixtures + self.objects + self.unmodelled + self.robot
+    }
+}
+
 /// How close is too close.
 ///
 /// As a part of [`crate::PlannerSettings`] it may be given in part: each of its two places there has defaults of its own.

@@ -131,8 +131,8 @@ pub(crate) fn free_given(
             })
         };
         let fits = |opening: &f64| {
-            hand.is_free(&base_from_gripper, *opening)
-                && hand.closes(&base_from_gripper, *opening, width)
+            hand.blocked(&base_from_gripper, *opening).is_none()
+                && hand.blocked_closing(&base_from_gripper, *opening, width).is_none()
                 && clear_of_object(*opening)
         };
         let openings = match grasp.opening {

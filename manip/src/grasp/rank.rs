@@ -11,7 +11,7 @@ use super::oriented::{HandFrom, Scored, oriented};
 use super::settings::GraspSettings;
 use crate::belief::BeliefScene;
 use crate::collision::{
-    CollisionBody, CollisionChecker, CollisionPair, CollisionQuery, Margins, RobotSolids,
+    CollisionBody, CollisionChecker, CollisionPair, CollisionQuery, InTheWay, Margins, RobotSolids,
 };
 
 /// A grasp of a believed object in the scene.
@@ -55,6 +55,10 @@ pub struct GraspCounters {
     pub tried: usize,
     /// Of those, free.
     pub free: usize,
+    /// What the hand ran into at the others, at the grasp or on the way in,
+    pub blocked: InTheWay,
+    /// or while it closed. Both and `free` sum to `tried`.
+    pub closing: InTheWay,
 }
 
 impl GraspCounters {
@@ -64,6 +68,8 @@ impl GraspCounters {
         self.oriented += again.oriented;
         self.tried += again.tried;
         self.free += again.free;
+        self.blocked.add(&again.blocked);
+        self.closing.add(&again.closing);
     }
 }
 
@@ -98,17 +104,22 @@ pub fn rank_grasps(
         }
         counters.tried += 1;
         let base_from_gripper = base_from_world * world_from_gripper.iso();
-        let free = |opening: f64| {
-            hand.is_free(&base_from_gripper, opening)
-                && hand.closes(&base_from_gripper, opening, candidate.width)
+        let blocked = |opening: f64| {
+            let entering = hand.blocked(&base_from_gripper, opening).map(|pair| (pair, false));
+            let closing = || hand.blocked_closing(&base_from_gripper, opening, candidate.width);
+            entering.or_else(|| closing().map(|pair| (pair, true)))
         };
         let narrow = narrow_opening(candidate.width, gripper, &settings.antipodal);
-        let opening = if candidate.fits_wide && free(gripper.opening) {
+        let opening = if candidate.fits_wide && blocked(gripper.opening).is_none() {
             gripper.opening
-        } else if free(narrow) {
-            narrow
         } else {
-            continue;
+            match blocked(narrow) {
+                None => narrow,
+                Some((pair, closing)) => {
+                    if closing { &mut counters.closing } else { &mut counters.blocked }.count(pair);
+                    continue;
+                }
+            }
         };
         counters.free += 1;
         let clearance = hand.clearance(&base_from_gripper, opening);
@@ -145,23 +156,29 @@ impl<'a> HandCheck<'a> {
         Self { checker, settings, query: CollisionQuery { held: None, allowed, margins } }
     }
 
-    /// At a grasp and on the way in.
-    pub fn is_free(&self, base_from_gripper: &Isometry3<f64>, opening: f64) -> bool {
+    /// What is in the way at a grasp and on the way in.
+    pub fn blocked(&self, base_from_gripper: &Isometry3<f64>, opening: f64) -> Option<CollisionPair> {
         let approach = base_from_gripper * Vector3::x();
-        [0.0, 0.03, 0.06, self.settings.standoff].iter().all(|back| {
+        [0.0, 0.03, 0.06, self.settings.standoff].iter().find_map(|back| {
             let mut at = *base_from_gripper;
             at.translation.vector -= approach * *back;
-            self.checker.hand_collision(&at, opening, &self.query).is_none()
+            self.checker.hand_collision(&at, opening, &self.query)
         })
     }
 
-    /// While it closes from `opening` to `width`: a finger must not stand beyond a wall or a neighbour that is between it and the object.
-    pub fn closes(&self, base_from_gripper: &Isometry3<f64>, opening: f64, width: f64) -> bool {
+    /// What is in the way while it closes from `opening` to `width`: a finger must not stand beyond a wall or a neighbour that is between
+    /// it and the object.
+    pub fn blocked_closing(
+        &self,
+        base_from_gripper: &Isometry3<f64>,
+        opening: f64,
+        width: f64,
+    ) -> Option<CollisionPair> {
         let sweep = CollisionQuery { margins: Margins { world: 0.0, ..self.query.margins }, ..self.query };
         let steps = ((opening - width) / CLOSING_STEP).ceil().max(1.0);
-        (1..=steps as usize).all(|k| {
+        (1..=steps as usize).find_map(|k| {
             let at = opening + (width - opening) * k as f64 / steps;
-            self.checker.hand_collision(base_from_gripper, at, &sweep).is_none()
+            self.checker.hand_collision(base_from_gripper, at, &sweep)
         })
     }
 

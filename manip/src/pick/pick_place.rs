@@ -7,7 +7,9 @@ use nalgebra::{Isometry3, Vector3};
 use rand_chacha::ChaCha8Rng;
 
 use crate::belief::{BeliefScene, BinGeometry};
-use crate::collision::{CollisionBody, CollisionChecker, CollisionPair, CollisionQuery, HeldObject};
+use crate::collision::{
+    CollisionBody, CollisionChecker, CollisionPair, CollisionQuery, HeldObject, InTheWay,
+};
 use crate::grasp::{GivenGrasp, Grasp, HandFrom, ObjectGrasps, hand_may_touch, rank_grasps};
 use crate::motion::{CartesianPath, Trajectory, straight_line, translate};
 use crate::place::{PlacePose, PlaceSettings, place_poses};
@@ -321,10 +323,13 @@ impl<'a> Attempt<'a> {
         let free = CollisionQuery { held: None, allowed: &[], margins: settings.free_margins };
         let object = &self.belief.objects[self.target];
         let held = HeldObject::new(&object.model, self.target, *grasp.object_from_gripper.inverse().iso());
+        let mut blocked = InTheWay::default();
         let solutions =
             solver.solutions(&base_from_gripper, &open, settings.ik_seeds, settings.ik_solutions, |q| {
-                self.checker.in_collision(q, &near).is_none()
+                let pair = self.checker.in_collision(q, &near);
+                pair.inspect(|pair| blocked.count(*pair)).is_none()
             });
+        self.counters.arms_blocked.add(&blocked);
         if solutions.is_empty() {
             self.note(PlanStage::NoIk, "no free grasp is within reach without collision".into());
             return None;

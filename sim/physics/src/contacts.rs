@@ -2,7 +2,7 @@
 
 use rapier3d::prelude::*;
 
-use nalgebra::Vector3;
+use nalgebra::{Point3, Vector3};
 
 use grip_sim::convert::from_vector;
 
@@ -43,9 +43,9 @@ impl Body {
     }
 }
 
-/// What one finger does to an object.
+/// What one body, such as a finger, does to an object.
 #[derive(Debug, Clone, Copy, Default)]
-pub struct FingerContact {
+pub struct BodyContact {
     /// Normal force on the object, newtons, world frame.
     pub force: Vector3<f64>,
     /// Friction on the object, newtons, world frame.
@@ -54,7 +54,13 @@ pub struct FingerContact {
     points: (f64, Vector3<f64>, f64),
 }
 
-impl FingerContact {
+impl BodyContact {
+    /// Middle of the contact points, weighted by their normal forces, metres, world frame; none where nothing presses.
+    pub fn middle(&self) -> Option<Point3<f64>> {
+        let (weight, first, _) = self.points;
+        (weight > 0.0).then(|| Point3::from(first / weight))
+    }
+
     /// Root mean square distance of the contact points from their middle, metres.
     pub fn spread(&self) -> f64 {
         let (weight, first, second) = self.points;
@@ -79,7 +85,7 @@ impl FingerContact {
 #[derive(Debug, Clone, Default)]
 pub struct ObjectContacts {
     /// Right and left finger.
-    pub fingers: [FingerContact; 2],
+    pub fingers: [BodyContact; 2],
     /// Sum of the magnitudes of the normal forces by table, bin and other objects, newtons.
     pub support_force: f64,
     /// Largest normal force by any one body, newtons.
@@ -94,8 +100,8 @@ pub struct ObjectContacts {
     pub fixtures: Vec<usize>,
     /// Whether a robot link other than a finger touches it.
     pub link: bool,
-    /// Normal force by each body, over all pieces of both, newtons, world frame.
-    by_body: Vec<(Body, Vector3<f64>)>,
+    /// What each body does, over all pieces of both.
+    by_body: Vec<(Body, BodyContact)>,
 }
 
 impl ObjectContacts {
@@ -104,6 +110,11 @@ impl ObjectContacts {
         let [right, left] = &self.fingers;
         let (a, b) = (right.force.norm(), left.force.norm());
         a >= newtons && b >= newtons && right.force.dot(&left.force) <= opposing_dot * a * b
+    }
+
+    /// Each body that touches it, and what that does to it.
+    pub fn by_body(&self) -> &[(Body, BodyContact)] {
+        &self.by_body
     }
 
     /// Whether the robot touches it at all.
@@ -127,11 +138,11 @@ pub(crate) struct Contacts {
 /// applied none.
 ///
 /// `ContactPair::total_impulse` would count stale impulses of points that the solver did not see.
-fn felt(pair: &ContactPair, first: &Collider, parameters: &IntegrationParameters) -> Option<FingerContact> {
+fn felt(pair: &ContactPair, first: &Collider, parameters: &IntegrationParameters) -> Option<BodyContact> {
     let dt = f64::from(parameters.dt);
     // Friction is kept as an impulse of the last substep, and in the same way at each point of a manifold.
     let substep = dt / parameters.num_solver_iterations as f64;
-    let mut all = FingerContact::default();
+    let mut all = BodyContact::default();
     for manifold in pair.solver_manifolds() {
         let mut normal_impulse = 0.0;
         let mut friction = None;
@@ -144,9 +155,9 @@ fn felt(pair: &ContactPair, first: &Collider, parameters: &IntegrationParameters
             normal_impulse += impulse;
             friction = Some(from_vector(point.data.warmstart_tangent_world));
             let place = from_vector(first.position().transform_point(point.local_p1));
-            all.add(&FingerContact {
+            all.add(&BodyContact {
                 points: (impulse / dt, place * (impulse / dt), place.norm_squared() * (impulse / dt)),
-                ..FingerContact::default()
+                ..BodyContact::default()
             });
         }
         // The manifold's normal points from the first collider to the second; the first is pushed back.
@@ -193,10 +204,10 @@ impl Contacts {
 
 impl ObjectContacts {
     /// Adds what one piece of `other` does to one of the object's.
-    fn add(&mut self, other: Body, contact: &FingerContact) {
+    fn add(&mut self, other: Body, contact: &BodyContact) {
         match self.by_body.iter_mut().find(|(body, _)| *body == other) {
-            Some((_, force)) => *force += contact.force,
-            None => self.by_body.push((other, contact.force)),
+            Some((_, sum)) => sum.add(contact),
+            None => self.by_body.push((other, *contact)),
         }
         if let Body::Finger(side) = other {
             self.fingers[side].add(contact);
@@ -205,7 +216,7 @@ impl ObjectContacts {
 
     /// What all bodies do together.
     fn sum_up(&mut self) {
-        for &(body, force) in &self.by_body {
+        for &(body, BodyContact { force, .. }) in &self.by_body {
             let newtons = force.norm();
             self.largest_force = self.largest_force.max(newtons);
             if !matches!(body, Body::Finger(_)) {

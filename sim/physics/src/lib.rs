@@ -33,7 +33,7 @@ mod tests;
 mod view;
 mod world;
 
-pub use contacts::{Body, FingerContact, ObjectContacts};
+pub use contacts::{Body, BodyContact, ObjectContacts};
 pub use error::{Error, Result};
 pub use placement::{Accept, Dropped, LaidOut, drop_objects};
 pub use robot_body::{Grip, Stop};

@@ -6,17 +6,17 @@
 
 use rapier3d::prelude::*;
 
-use crate::contacts::{Body, FingerContact};
+use crate::contacts::{Body, BodyContact};
 
 /// Share of a patch's torsional friction that is left beside the force that it bears.
-pub(crate) fn left_for_torsion(friction: f64, contact: &FingerContact) -> f64 {
+pub(crate) fn left_for_torsion(friction: f64, contact: &BodyContact) -> f64 {
     let most = friction * contact.force.norm();
     let used = if most > 0.0 { contact.friction.norm() / most } else { 0.0 };
     (1.0 - used * used).max(0.0).sqrt()
 }
 
 /// Largest torque of the patch about a point or an edge, N m: what its contact points do not give. `arm` is that of a point's patch.
-pub(crate) fn torsion(friction: f64, arm: f64, contact: &FingerContact) -> f64 {
+pub(crate) fn torsion(friction: f64, arm: f64, contact: &BodyContact) -> f64 {
     let missing = (arm - f64::from(OF_LINE) * contact.spread()).max(0.0);
     friction * contact.force.norm() * missing * left_for_torsion(friction, contact)
 }

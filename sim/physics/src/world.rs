@@ -319,12 +319,18 @@ impl World {
 
     /// Steps with the robot at rest until no object moves, or `limit_s` is over.
     pub fn settle(&mut self, limit_s: f64) -> Settled {
+        self.settle_watched(limit_s, |_| {})
+    }
+
+    /// The same, with `watch` called after each step.
+    pub fn settle_watched(&mut self, limit_s: f64, mut watch: impl FnMut(&Self)) -> Settled {
         let (target, grip) = self.hold();
         let limit = (limit_s * f64::from(self.step_hz)) as u64;
         let calm_steps = u64::from(self.step_hz) / 4;
         let mut calm = 0;
         for step in 1..=limit {
             self.step(&target, grip);
+            watch(self);
             calm = if self.fastest() < self.settings.objects.calm_speed { calm + 1 } else { 0 };
             if calm >= calm_steps {
                 return Settled { seconds: step as f64 / f64::from(self.step_hz), at_rest: true };

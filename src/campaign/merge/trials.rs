@@ -11,6 +11,7 @@ use super::{Output, Sink, copy, lines};
 use crate::campaign::manifest::{Arm, Unit};
 use crate::campaign::unit::DoneFile;
 use crate::experiment::items;
+use crate::experiment::merge::files_in;
 use crate::experiment::plan::{FILMS, Key, LEFT_OUT, TIMINGS, TRIALS};
 use crate::experiment::trials::{LeftOut, TimingLine};
 use crate::score::outcome::TrialResult;
@@ -22,7 +23,7 @@ pub(super) struct Trials {
     timings: Output,
     left_out: Output,
     items: items::Writer<File>,
-    films: PathBuf,
+    out: PathBuf,
 }
 
 impl Trials {
@@ -40,7 +41,7 @@ impl Trials {
             timings: Output::create(out.join(TIMINGS))?,
             left_out: Output::create(out.join(LEFT_OUT))?,
             items: items::Writer::new(items)?,
-            films,
+            out: out.to_path_buf(),
         })
     }
 }
@@ -76,10 +77,12 @@ impl Sink for Trials {
                 bail!("{}: {key:?} where there should be {next:?}", path.display());
             }
             let film = folder.join(key.film());
-            if film.is_file()
-                && let Some(name) = film.file_name()
-            {
-                copy(&film, &self.films.join(name))?;
+            if film.is_file() {
+                copy(&film, &self.out.join(key.film()))?;
+            }
+            let record = key.record();
+            for (name, path) in files_in(&folder.join(&record))? {
+                copy(&path, &self.out.join(&record).join(name))?;
             }
             self.trials.line(&line)?;
             self.items.add(trial)?;

@@ -22,6 +22,7 @@ use crate::experiment::plan::{self, FILMS};
 use crate::experiment::sweep;
 use crate::experiment::trials;
 use crate::progress::Progress;
+use crate::record::RecordOptions;
 use crate::setup::{ADVERSARIAL, Setup};
 
 /// What is told of an `estimate` campaign: a file of ours, since a results file says nothing.
@@ -41,8 +42,9 @@ impl Opened {
         let mut options = options.clone();
         let posteriors = options.remove("posteriors") == Some(Value::Bool(true));
         let words = options::words(verb.name(), &options).with_context(|| format!("[{}]", verb.name()))?;
+        let record = options.contains_key("record");
         match Cli::try_parse_from(words).with_context(|| format!("[{}]", verb.name()))?.command {
-            Command::Trials(args) => Self::trials(&args, films),
+            Command::Trials(args) => Self::trials(&args, films, record),
             Command::Sweep(args) => Self::sweep(&args),
             Command::Scenes(args) => Self::scenes(&args),
             Command::Estimate(args) => Self::estimate(args, posteriors),
@@ -50,10 +52,14 @@ impl Opened {
         }
     }
 
-    fn trials(args: &TrialsArgs, films: bool) -> Result<Self> {
+    fn trials(args: &TrialsArgs, films: bool, record: bool) -> Result<Self> {
         let renderer: RendererChoice = args.renderer.into();
         let mut plan = plan::Plan::new(&args.options()?, render::open(renderer)?.name())?;
         plan.films = films;
+        // Of a million trials records are kept only where that is asked for.
+        if !record {
+            plan.record = RecordOptions::default();
+        }
         Ok(Self::Trials { plan, renderer })
     }
 
