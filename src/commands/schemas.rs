@@ -9,6 +9,7 @@ use crate::experiment::sweep::{self, GraspLine, SweepFile};
 use crate::experiment::trials::{LeftOut, TimingLine};
 use crate::graspers::protocol as graspers;
 use crate::object_report::{self, ObjectReport};
+use crate::record::{self, Event, RecordFile};
 use crate::scenario::{self, ScenarioFile};
 use crate::score::outcome::{TRIAL_SCHEMA, TrialResult};
 use crate::settings::Settings;
@@ -48,6 +49,8 @@ pub fn all() -> Vec<(&'static str, Value)> {
         // A trial.
         ("trial", written::<TrialResult>(Some(TRIAL_SCHEMA))),
         ("scenario", written::<ScenarioFile<'_>>(Some(scenario::SCHEMA))),
+        ("record", written::<RecordFile>(Some(record::SCHEMA))),
+        ("record-event", written::<Event>(None)),
         // Experiments.
         ("experiment", written::<ExperimentFile<'_>>(Some(plan::SCHEMA))),
         ("experiment-timing", written::<TimingLine>(None)),

@@ -5,6 +5,7 @@
 //! | `rows` | the tables, a struct each |
 //! | `recorder` | told by the trial what happens |
 //! | `replay`, `glb` | the trial as an animated scene in glTF |
+//! | `viewer` | that scene in a page, to be turned and scrubbed |
 //! | `save` | the folder of a recording: events.jsonl, Parquet tables, pictures |
 //!
 //! A recorder only reads: with it or without, a trial's result is the same to the bit.
@@ -14,6 +15,7 @@ mod recorder;
 mod replay;
 pub mod rows;
 mod save;
+pub mod viewer;
 
 use std::fmt;
 use std::str::FromStr;
@@ -21,7 +23,7 @@ use std::str::FromStr;
 use anyhow::bail;
 
 pub use self::recorder::{Action, Event, Recorder};
-pub use self::save::{Recording, SCHEMA, columns_page};
+pub use self::save::{RecordFile, Recording, SCHEMA};
 
 /// What is kept of a trial.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, PartialOrd, Ord)]

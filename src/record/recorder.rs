@@ -11,6 +11,7 @@ use grip_sim::frame::CameraFrame;
 use grip_sim::images::{DepthImage, RgbImage};
 use grip_sim::scene::FixtureKind;
 use nalgebra::{Isometry3, Vector3};
+use schemars::JsonSchema;
 use serde::Serialize;
 
 use super::replay::Drawn;
@@ -25,7 +26,7 @@ const RIGHT: &str = "right finger";
 const LEFT: &str = "left finger";
 
 /// What happened, in the order in which it did: a line of events.jsonl.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 #[serde(tag = "event", rename_all = "snake_case")]
 pub enum Event {
     /// An object was estimated.
@@ -382,6 +383,7 @@ impl Recorder {
         let Some(now) = self.now.as_ref().filter(|_| !self.is_off()) else { return };
         let (object, instance) = self.name(now.object);
         let slip = monitor.filter(|monitor| monitor.slip_m.is_some()).map(|monitor| &monitor.measures);
+        let clauses = monitor.map_or_else(Default::default, |monitor| monitor.clauses);
         let failed = report.steps.last().filter(|_| report.outcome != ExecOutcome::Done);
         let attempt = Attempt {
             attempt: self.attempt,
@@ -401,6 +403,10 @@ impl Recorder {
             slip_m: slip.map(|measures| measures.slip_m),
             slip_deg: slip.map(|measures| measures.slip_deg),
             wrong_object: monitor.is_some_and(|monitor| monitor.wrong_object.is_some()),
+            opposing_contacts: clauses.opposing_contacts,
+            lifted_clear: clauses.lifted_clear,
+            held_after_carry: clauses.held_after_carry,
+            slip_within: clauses.slip_within,
         };
         self.events.push(Event::Attempt(attempt));
     }

@@ -5,7 +5,8 @@ use std::sync::Arc;
 
 use anyhow::Result;
 use grip_sim::mesh::Visual;
-use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion};
+use grip_sim::scene::Scene;
+use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion, Vector3};
 use serde_json::{Value, json};
 
 use super::glb::{Glb, Parts, Tint, Track};
@@ -27,6 +28,8 @@ pub struct Drawn {
     pub links: Vec<Parts>,
     /// By object.
     pub objects: Vec<Arc<Visual>>,
+    /// Where one looks from, and at what, world frame, metres.
+    view: [[f64; 3]; 2],
 }
 
 impl Drawn {
@@ -39,8 +42,20 @@ impl Drawn {
             furniture: setup.camera.furniture().drawn.clone(),
             links: parts.collect(),
             objects: setup.models.iter().map(|model| model.visual.clone()).collect(),
+            view: view(&setup.cell.scene),
         }
     }
+}
+
+/// From across the table and its left, where robot, objects and bin are seen.
+fn view(scene: &Scene) -> [[f64; 3]; 2] {
+    let table = Vector3::new(scene.table.center[0], scene.table.center[1], scene.table.height);
+    let mut away = table - scene.world_from_base().translation();
+    away.z = 0.0;
+    let away = away.try_normalize(1e-9).unwrap_or_else(Vector3::x);
+    let eye = table + away * 1.5 + Vector3::z().cross(&away) * 0.9 + Vector3::z() * 1.0;
+    let target = table - away * 0.15 + Vector3::z() * 0.2;
+    [eye.into(), target.into()]
 }
 
 /// The file.
@@ -85,11 +100,11 @@ pub fn glb(recorder: &Recorder, drawn: &Drawn) -> Result<Vec<u8>> {
         let way: Vec<[f32; 3]> = way.map(|planned| planned.hand).collect();
         glb.line(&format!("plan/{}", row.attempt), &way, PLAN, (row.begin_s as f32, row.end_s as f32));
     }
-    glb.finish(extras(recorder))
+    glb.finish(extras(recorder, drawn))
 }
 
 /// What the page's viewer shows beside: seconds; metres, newtons.
-fn extras(recorder: &Recorder) -> Value {
+fn extras(recorder: &Recorder, drawn: &Drawn) -> Value {
     let rounded = |v: f32| (f64::from(v) * 1e4).round() / 1e4;
     let contacts = recorder.contacts.iter().filter(|row| recorder.is_robot(&row.by)).map(|row| {
         let [x, y, z] = row.point.map(rounded);
@@ -108,6 +123,7 @@ fn extras(recorder: &Recorder) -> Value {
         _ => None,
     });
     json!({
+        "view": drawn.view,
         "contacts": contacts.collect::<Vec<_>>(),
         "captions": said.collect::<Vec<_>>(),
         "steps": steps.collect::<Vec<_>>(),

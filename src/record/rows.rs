@@ -2,12 +2,13 @@
 
 use grip_sim::pose::Pose;
 use nalgebra::Isometry3;
+use schemars::JsonSchema;
 use serde::Serialize;
 
 use crate::table::{Column, Columns};
 
 /// A position and an orientation; metres, and a unit quaternion.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, JsonSchema)]
 pub struct Place {
     /// Metres.
     pub x: f64,
@@ -134,7 +135,7 @@ pub struct Described {
 macro_rules! rows {
     ($(#[doc = $about:literal])+ $name:ident in $table:literal { $($(#[doc = $doc:literal])+ $field:ident: $type:ty,)+ }) => {
         $(#[doc = $about])+
-        #[derive(Debug, Clone, PartialEq, Serialize)]
+        #[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
         pub struct $name {
             $($(#[doc = $doc])+ pub $field: $type,)+
         }
@@ -348,6 +349,14 @@ rows! {
         slip_deg: Option<f64>,
         /// The fingers held another object than the one that was meant.
         wrong_object: bool,
+        /// Clauses of success that are of the grasp (docs/experiments.md): both fingers pressed from opposite sides,
+        opposing_contacts: bool,
+        /// it left what it lay on,
+        lifted_clear: bool,
+        /// it was still held at the end of the carry,
+        held_after_carry: bool,
+        /// and hardly moved in the hand.
+        slip_within: bool,
     }
 }
 

@@ -1,6 +1,5 @@
 //! The folder of a recording.
 
-use std::fmt::Write as _;
 use std::path::Path;
 
 use anyhow::{Context, Result};
@@ -11,7 +10,7 @@ use serde::{Deserialize, Serialize};
 
 use super::recorder::{Event, Recorder};
 use super::replay;
-use super::rows::{Attempt, Contact, Estimate, Look, Moved, Plan, Planned, Rest, Row, Sample, Step, Time};
+use super::rows::Row;
 use crate::experiment::items;
 use crate::pictures;
 use crate::score::outcome::TrialResult;
@@ -57,12 +56,22 @@ pub struct Recording {
     recorder: Recorder,
     result: TrialResult,
     intrinsics: Intrinsics,
+    replay: Option<Vec<u8>>,
 }
 
 impl Recording {
     /// Of a trial that has ended with this result.
-    pub fn new(recorder: Recorder, result: &TrialResult, intrinsics: Intrinsics) -> Self {
-        Self { recorder, result: TrialResult { timing: None, ..result.clone() }, intrinsics }
+    ///
+    /// # Errors
+    /// When the animated scene cannot be encoded.
+    pub fn new(recorder: Recorder, result: &TrialResult, intrinsics: Intrinsics) -> Result<Self> {
+        let replay = recorder.drawn.as_ref().map(|drawn| replay::glb(&recorder, drawn)).transpose()?;
+        Ok(Self { recorder, result: TrialResult { timing: None, ..result.clone() }, intrinsics, replay })
+    }
+
+    /// The trial as an animated scene, glTF 2.0; at level `full` alone.
+    pub fn replay(&self) -> Option<&[u8]> {
+        self.replay.as_deref()
     }
 
     fn about(&self) -> RecordFile {
@@ -112,9 +121,7 @@ impl Recording {
             files.push(self.table(&recorder.moved, Columns::new())?);
             files.push(self.table(&recorder.contacts, Columns::new())?);
         }
-        if let Some(drawn) = &recorder.drawn {
-            files.push((REPLAY.to_owned(), replay::glb(recorder, drawn)?));
-        }
+        files.extend(self.replay.iter().map(|glb| (REPLAY.to_owned(), glb.clone())));
         for (i, picture) in recorder.pictures.iter().enumerate() {
             files.push((format!("looks/{i:02}_rgb.png"), pictures::rgb_png(&picture.rgb)?));
             files.push((format!("looks/{i:02}_depth.png"), pictures::depth_png_mm(&picture.depth)?));
@@ -176,32 +183,67 @@ fn lines(events: &[Event]) -> Result<Vec<u8>> {
     Ok(bytes)
 }
 
-/// Every table and column, in Markdown.
-pub fn columns_page() -> String {
-    fn table<R: Row>(page: &mut String) {
-        let _ = write!(
-            page,
-            "### {}.parquet\n\n{}\n\n| column | kind | what it is |\n|---|---|---|\n",
-            R::TABLE,
-            R::ABOUT.trim()
-        );
-        for field in R::fields() {
-            let names: Vec<String> = field.columns.iter().map(|name| format!("`{name}`")).collect();
-            let _ = writeln!(page, "| {} | {} | {} |", names.join(", "), field.kind, field.about.trim());
+#[cfg(test)]
+mod tests {
+    use std::fmt::Write as _;
+
+    use super::*;
+    use crate::record::rows::{
+        Attempt, Contact, Estimate, Look, Moved, Plan, Planned, Rest, Sample, Step, Time,
+    };
+
+    /// Every table and column, in Markdown.
+    fn columns_page() -> String {
+        fn table<R: Row>(page: &mut String) {
+            let _ = write!(
+                page,
+                "### {}.parquet\n\n{}\n\n| column | kind | what it is |\n|---|---|---|\n",
+                R::TABLE,
+                R::ABOUT.trim()
+            );
+            for field in R::fields() {
+                let names: Vec<String> = field.columns.iter().map(|name| format!("`{name}`")).collect();
+                let _ = writeln!(page, "| {} | {} | {} |", names.join(", "), field.kind, field.about.trim());
+            }
+            page.push('\n');
         }
-        page.push('\n');
+        let mut page = String::new();
+        table::<Look>(&mut page);
+        table::<Estimate>(&mut page);
+        table::<Plan>(&mut page);
+        table::<Attempt>(&mut page);
+        table::<Step>(&mut page);
+        table::<Rest>(&mut page);
+        table::<Planned>(&mut page);
+        table::<Sample>(&mut page);
+        table::<Time>(&mut page);
+        table::<Moved>(&mut page);
+        table::<Contact>(&mut page);
+        page
     }
-    let mut page = String::new();
-    table::<Look>(&mut page);
-    table::<Estimate>(&mut page);
-    table::<Plan>(&mut page);
-    table::<Attempt>(&mut page);
-    table::<Step>(&mut page);
-    table::<Rest>(&mut page);
-    table::<Planned>(&mut page);
-    table::<Sample>(&mut page);
-    table::<Time>(&mut page);
-    table::<Moved>(&mut page);
-    table::<Contact>(&mut page);
-    page
+
+    /// docs/recordings.md, from here on made of the tables themselves; `GRIP_UPDATE_DOCS=1` writes that part anew.
+    #[test]
+    fn the_page_lists_every_column() {
+        const FROM: &str = "## Columns\n\n";
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/recordings.md");
+        let written = std::fs::read_to_string(&path).unwrap();
+        let (by_hand, made) = written.split_once(FROM).unwrap();
+        let (about, made) = made.split_once("\n\n").unwrap();
+        let page = columns_page();
+        if std::env::var_os("GRIP_UPDATE_DOCS").is_some() {
+            std::fs::write(&path, format!("{by_hand}{FROM}{about}\n\n{}\n", page.trim_end())).unwrap();
+            return;
+        }
+        assert_eq!(made.trim_end(), page.trim_end(), "GRIP_UPDATE_DOCS=1 writes docs/recordings.md anew");
+        // No column without a meaning, and none twice in a table.
+        for (table, fields) in
+            [("plans", Plan::fields()), ("samples", Sample::fields()), ("estimates", Estimate::fields())]
+        {
+            let names: Vec<&String> = fields.iter().flat_map(|field| &field.columns).collect();
+            let mut known = std::collections::BTreeSet::new();
+            assert!(names.iter().all(|name| known.insert(*name)), "{table}: {names:?}");
+            assert!(fields.iter().all(|field| field.about.len() > 3), "{table}");
+        }
+    }
 }

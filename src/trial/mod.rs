@@ -627,7 +627,8 @@ impl<'a> Trial<'a> {
             Level::Failures => packed < self.items,
             Level::Events | Level::Full => true,
         };
-        let recording = keeps.then(|| Recording::new(recorder, &result, setup.camera.intrinsics));
+        let recording =
+            keeps.then(|| Recording::new(recorder, &result, setup.camera.intrinsics)).transpose()?;
         Ok(TrialRecord {
             result,
             scenario: self.scenario,

@@ -9,6 +9,7 @@ use grip_sim::pose::{Camera, Pose, World};
 use super::TrialRecord;
 use crate::html::{STYLE, escape, picture};
 use crate::pictures;
+use crate::record::{Recording, viewer};
 use crate::score::outcome::{ItemResult, ItemTiming, Outcome};
 
 /// The pictures of one look.
@@ -33,7 +34,7 @@ pub struct LookPictures {
 /// # Errors
 /// When a picture cannot be encoded.
 pub fn html(trial: &TrialRecord) -> Result<String> {
-    let TrialRecord { result, looks, after, strips, replay, .. } = trial;
+    let TrialRecord { result, looks, after, strips, replay, recording, .. } = trial;
     let (wall_s, times) = result.timing.as_ref().map_or((0.0, [].as_slice()), |t| (t.wall_s, &t.items));
     let mut page = String::new();
     let title = format!("{} of {} packed", result.packed, result.requested);
@@ -82,8 +83,12 @@ pub fn html(trial: &TrialRecord) -> Result<String> {
         figure(&mut page, after, "the scene at the end")?;
         page.push_str("</div>");
     }
+    if let Some(glb) = recording.as_ref().and_then(Recording::replay) {
+        page.push_str("<h2>Replay</h2>");
+        page.push_str(&viewer::html(glb));
+    }
     if let Some(gif) = replay {
-        page.push_str("<h2>Replay</h2><div class=look>");
+        page.push_str("<h2>Animation</h2><div class=look>");
         picture(&mut page, "image/gif", gif, "four times as fast");
         page.push_str("</div>");
     }

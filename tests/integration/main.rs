@@ -24,6 +24,7 @@ mod objects;
 mod own;
 mod pack;
 mod plan;
+mod record;
 mod renderers;
 mod robots;
 mod scenes;

@@ -73,6 +73,8 @@ fn files_keep_to_their_schemas() {
     let pack = tour.path("pack");
     tour.run(&["pack", "--estimator", "truth", "--renderer", "cpu", "--out", &pack]);
     tour.has("trial", &Path::new(&pack).join("result.json"));
+    tour.has("record", &Path::new(&pack).join("record/record.json"));
+    tour.has("record-event", &Path::new(&pack).join("record/events.jsonl"));
     tour.has("scenario", &Path::new(&pack).join("scenario.json"));
     // What an estimator of others is told and says, overheard.
     if common::has_python() {
