@@ -43,7 +43,9 @@ def pack(
     grasps: Optional[Path] = None,
     items: Optional[int] = None,
     out: Optional[Path] = None,
-    record: bool = False,
+    record: Optional[Literal["none", "failures", "events", "full"]] = None,
+    record_rate: Optional[int] = None,
+    animation: bool = False,
     bop: bool = False,
     progress: Optional[bool] = None,
 ) -> Trial:
@@ -83,7 +85,9 @@ def pack(
         items: Pack only the first K objects of the scene; the others stay as clutter.
         out: Run folder [default: runs/SCENE-CONDITION-ESTIMATOR-SEED, with other options where they are not the
             default]; an earlier run there is replaced when this one is done.
-        record: Save an animated replay of the trial (replay.gif), seen from outside, four times as fast.
+        record: What to keep of what is known of the trial, in the folder record/ (docs/recordings.md). Default: full.
+        record_rate: Samples of a recording a simulated second: joints, forces, poses. Default: 20.
+        animation: Save an animated picture of the trial (replay.gif), seen from outside, four times as fast.
         bop: Save what the camera saw at each look as a BOP data set in the run folder (bop/), without truth: the seed is
             the scene, the look the image.
         progress: Whether to show a bar, which needs tqdm. Default: where tqdm is installed.
@@ -120,6 +124,8 @@ def trials(
     jobs: Optional[int] = None,
     resume: bool = False,
     shard: Optional[str] = None,
+    record: Optional[Literal["none", "failures", "events", "full"]] = None,
+    record_rate: Optional[int] = None,
     progress: Optional[bool] = None,
 ) -> Trials:
     r"""Run many trials: scenes, conditions, estimators and grasp planners with the same seeds; can be killed, resumed and
@@ -154,6 +160,9 @@ def trials(
         jobs: Trials run at the same time [default: one a core]; results do not depend on it.
         resume: Go on with the experiment in the folder.
         shard: Run only every N-th seed, beginning with the I-th; `grip merge` puts the shards together.
+        record: What to keep of what is known of each trial, in a folder of its own in records/ (docs/recordings.md).
+            Default: failures.
+        record_rate: Samples of a recording a simulated second: joints, forces, poses. Default: 20.
         progress: Whether to show a bar, which needs tqdm. Default: where tqdm is installed.
 
     Raises:

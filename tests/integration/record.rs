@@ -131,21 +131,17 @@ fn the_report_of_an_experiment_can_be_made_from_its_recordings_alone() {
 
 #[test]
 fn what_fails_is_recorded_if_nothing_is_said() {
+    if !common::has_python() {
+        return;
+    }
     let folder = tempfile::tempdir().unwrap();
     let scene = small_scene(folder.path());
     let out = folder.path().join("out");
-    let args = [
-        "trials",
-        "--scene",
-        &scene,
-        "--trials",
-        "1",
-        "--estimators",
-        "truth,none=cmd:false",
-        "--renderer",
-        "cpu",
-    ];
-    common::grip(&[&args[..], &["--out", out.to_str().unwrap()]].concat());
+    let estimators = format!("truth,none=cmd:python3 {} 1 1 crash", script("tests/estimators/faulty.py"));
+    let args =
+        ["trials", "--scene", &scene, "--trials", "1", "--renderer", "cpu", "--estimators", &estimators];
+    let done = common::grip(&[&args[..], &["--out", out.to_str().unwrap()]].concat());
+    assert_eq!(code(&done), 0, "{}", stderr(&done));
     let packed =
         |line: &Value| (line["estimator"].as_str().unwrap().to_owned(), line["packed"] == line["requested"]);
     let results: Vec<(String, bool)> = common::trials(&out).iter().map(packed).collect();
