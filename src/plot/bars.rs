@@ -262,7 +262,14 @@ fn draw_stack<'a>(
         }
     }
     let wanted: Vec<i32> = beside.iter().map(|(at, _)| *at).collect();
-    for ((at, shown), placed) in beside.iter().zip(spread(&wanted, NUMBER as i32)) {
+    let mut placed = spread(&wanted, NUMBER as i32);
+    // Not on the floor.
+    let mut lowest = floor - NUMBER as i32 / 2;
+    for at in &mut placed {
+        *at = lowest.min(*at);
+        lowest = *at - NUMBER as i32;
+    }
+    for ((at, shown), placed) in beside.iter().zip(placed) {
         let line = [(x1 + 1, *at), (x1 + 10, placed)];
         pen.root.draw(&PathElement::new(line, BLACK.mix(0.6).stroke_width(1)))?;
         pen.text(shown, (x1 + 13, placed), NUMBER, HPos::Left)?;

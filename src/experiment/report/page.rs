@@ -366,8 +366,8 @@ fn side_by_side(page: &mut String, figures: &[String]) {
     }
     let _ = write!(page, "<div class=figures><div>{}</div></div>", figures.join("</div><div>"));
     page.push_str(
-        "<p>Curves: the logistic fits of which D50 and D90 are read. Dots: shares of the grasps that held, with 95 % intervals. Ticks: \
-         single grasps, above those that held, below those that did not.</p>",
+        "<p>Curves: the logistic fits of which D50 and D90 are read. Dots: shares of the grasps that held, of few objects \
+         with 95 % intervals. Ticks: single grasps, above those that held, below those that did not.</p>",
     );
 }
 

@@ -15,8 +15,10 @@ use crate::plot::{self, Axis as PlotAxis, Curve, Figure, MOST_CURVES, Panel};
 const POINTS: usize = 81;
 /// Letters of a title that have room above a figure.
 const TITLE: usize = 58;
-/// Room for single grasps beyond either end of the axis of shares, per cent.
-const RUG: f64 = 14.0;
+/// Room for single grasps beyond either end of the axis of shares, per cent: so much, and more for each object.
+const RUG: [f64; 2] = [5.0, 3.0];
+/// Objects whose intervals can be told apart in one figure.
+const MOST_INTERVALS: usize = 3;
 /// Largest errors shown by their size, millimetres.
 const MOST_MM: f64 = 60.0;
 /// Dots over the size of an error, each of the grasps from one of so many parts of the axis.
@@ -161,7 +163,12 @@ fn binned(cases: &[(f64, bool)], most: f64) -> Vec<(f64, f64, [f64; 2])> {
 }
 
 /// One panel, named by what varies and by its objects.
-fn figure(what: &str, names: &[&str], x: PlotAxis, curves: Vec<Curve>) -> Figure {
+fn figure(what: &str, names: &[&str], x: PlotAxis, mut curves: Vec<Curve>) -> Figure {
+    let room = RUG[0] + RUG[1] * curves.len() as f64;
+    if curves.len() > MOST_INTERVALS {
+        let dots = curves.iter_mut().flat_map(|curve| &mut curve.dots);
+        dots.for_each(|(_, share, interval)| *interval = [*share; 2]);
+    }
     let mut shown = names.len();
     let title = |shown: usize| {
         let rest = names.len() - shown;
@@ -177,7 +184,7 @@ fn figure(what: &str, names: &[&str], x: PlotAxis, curves: Vec<Curve>) -> Figure
         panels: vec![Panel {
             title: title(shown),
             x,
-            y: PlotAxis::linear("grasps held, %", 0.0, 100.0).with_room(RUG),
+            y: PlotAxis::linear("grasps held, %", 0.0, 100.0).with_room(room),
             curves,
             level: None,
         }],
