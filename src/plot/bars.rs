@@ -23,7 +23,7 @@ const SLOTS: [i32; 2] = [26, 150];
 /// Of a stack, with its numbers beside it.
 const STACK: i32 = 90;
 /// Series of a chart: more could not be told apart.
-const MOST_SERIES: usize = 14;
+pub const MOST_SERIES: usize = 14;
 
 /// A chart of bars. Groups that have no room beside each other stand in several rows.
 #[derive(Debug, Clone)]
@@ -62,6 +62,12 @@ fn ink(series: usize) -> RGBColor {
     let on_white = |c: u8| 255.0 - opaque * (255.0 - f64::from(c));
     let light = 0.299 * on_white(r) + 0.587 * on_white(g) + 0.114 * on_white(b);
     if light < 110.0 { WHITE } else { BLACK }
+}
+
+/// The bars that a group has, each with the number of its series. There is no room left for others.
+fn present(bars: &Bars, group: usize) -> impl Iterator<Item = (usize, Bar)> {
+    let of = move |(s, (_, values)): (usize, &(String, Vec<Option<Bar>>))| Some((s, (*values.get(group)?)?));
+    bars.series.iter().enumerate().filter_map(of)
 }
 
 /// How wide a text is at most.
@@ -114,7 +120,8 @@ struct Layout {
 impl Layout {
     fn of(bars: &Bars) -> Self {
         let room = WIDTH - LEFT - RIGHT;
-        let each = bars.series.len().max(1) as i32;
+        let series = bars.series.len().max(1) as i32;
+        let each = (0..bars.groups.len()).map(|g| present(bars, g).count()).max().unwrap_or(0).max(1) as i32;
         let all = || bars.series.iter().flat_map(|(_, values)| values).flatten();
         let widest = all().map(|bar| width_of(&number(bar.value), NUMBER)).max().unwrap_or(0) + 4;
         let names = bars.groups.iter().flat_map(|name| name.split('\n'));
@@ -129,7 +136,7 @@ impl Layout {
         let upright = !bars.stacked && slot < widest;
         let step = round_up(bars.most / 6.0).max(if bars.stacked { 1.0 } else { 0.0 });
         let longest = bars.series.iter().map(|(name, _)| width_of(name, NAME) + 90).max().unwrap_or(0);
-        let columns = (room / longest.max(1)).clamp(1, 4).min(each);
+        let columns = (room / longest.max(1)).clamp(1, 4).min(series);
         Self {
             most: if step > 0.0 { (bars.most / step - 1e-9).ceil() * step } else { 1.0 },
             step: if step > 0.0 { step } else { 1.0 },
@@ -139,8 +146,13 @@ impl Layout {
             upright,
             above: 50 + if upright { widest } else { NUMBER as i32 },
             below: 30 + NAME_LINE * lines,
-            legend: ((each + columns - 1) / columns, columns),
+            legend: ((series + columns - 1) / columns, columns),
         }
+    }
+
+    /// The height of a value in the row with this floor.
+    fn y(&self, value: f64, floor: i32) -> i32 {
+        floor - ((value / self.most).clamp(0.0, 1.0) * f64::from(PLOT)).round() as i32
     }
 
     fn row(&self) -> i32 {
@@ -208,10 +220,9 @@ fn draw_beside<'a>(
     group: usize,
     (middle, floor): (i32, i32),
 ) -> Drawn<'a> {
-    let left = middle - layout.slot * bars.series.len() as i32 / 2;
-    for (s, (_, values)) in bars.series.iter().enumerate() {
-        let Some(bar) = values.get(group).copied().flatten() else { continue };
-        let x0 = left + layout.slot * s as i32;
+    let left = middle - layout.slot * present(bars, group).count() as i32 / 2;
+    for (place, (s, bar)) in present(bars, group).enumerate() {
+        let x0 = left + layout.slot * place as i32;
         let (x0, x1) = (x0 + 2, x0 + layout.slot - 2);
         let mut top = layout.y(bar.value, floor);
         pen.bar([(x0, top), (x1, floor)], s)?;
@@ -247,8 +258,7 @@ fn draw_stack<'a>(
     let mut sum = 0.0;
     // Numbers beside the stack, from below: height of the part, and what stands there.
     let mut beside: Vec<(i32, String)> = Vec::new();
-    for (s, (_, values)) in bars.series.iter().enumerate() {
-        let Some(bar) = values.get(group).copied().flatten() else { continue };
+    for (s, bar) in present(bars, group) {
         let (low, high) = (layout.y(sum, floor), layout.y(sum + bar.value, floor));
         sum += bar.value;
         pen.bar([(x0, high), (x1, low)], s)?;
@@ -297,13 +307,6 @@ fn spread(wanted: &[i32], apart: i32) -> Vec<i32> {
         (0..count).map(move |i| middle + half(count) - f64::from(apart) * (i as f64 + 0.5))
     });
     places.map(|at| at.round() as i32).collect()
-}
-
-impl Layout {
-    /// The height of a value in the row with this floor.
-    fn y(&self, value: f64, floor: i32) -> i32 {
-        floor - ((value / self.most).clamp(0.0, 1.0) * f64::from(PLOT)).round() as i32
-    }
 }
 
 struct Pen<'p, 'a> {

@@ -8,7 +8,7 @@ use super::Sources;
 use super::calibration::Calibration;
 use crate::experiment::stats::kernel_share;
 use crate::experiment::summary::Cell;
-use crate::plot::bars::{self, Bar, Bars};
+use crate::plot::bars::{self, Bar, Bars, MOST_SERIES};
 use crate::plot::{self, Axis as PlotAxis, Curve, Figure, MOST_CURVES, Panel};
 use crate::score::outcome::{FirstAttempt, Outcome};
 use crate::setup::CalibrationRecord;
@@ -21,28 +21,32 @@ const MOST_KINDS: usize = 13;
 /// Points of a smooth curve.
 const POINTS: usize = 81;
 
-/// Shares of items packed, by scene and condition, with intervals.
+/// Shares of items packed, by scene and condition, with intervals. Several charts, where there are more methods than one can show.
 pub fn packed(cells: &[Cell]) -> Result<String> {
     let group_of = group_of(cells);
     let (groups, methods) = names(cells, &group_of);
-    let series = methods
-        .iter()
-        .map(|method| {
-            let bars = groups.iter().map(|group| {
-                let cell = cells.iter().find(|&c| &group_of(c) == group && &c.method() == method)?;
-                Some(Bar { value: 100.0 * cell.share, interval: Some(cell.interval.map(|v| 100.0 * v)) })
-            });
+    let chart = |methods: &[String]| {
+        let of = |group: &String, method: &String| {
+            cells.iter().find(|&c| &group_of(c) == group && &c.method() == method)
+        };
+        let some = |group: &&String| methods.iter().any(|method| of(group, method).is_some());
+        let groups: Vec<String> = groups.iter().filter(some).cloned().collect();
+        let bar =
+            |cell: &Cell| Bar { value: 100.0 * cell.share, interval: Some(cell.interval.map(|v| 100.0 * v)) };
+        let series = methods.iter().map(|method| {
+            let bars = groups.iter().map(|group| of(group, method).map(bar));
             (method.clone(), bars.collect())
+        });
+        bars::svg(&Bars {
+            title: "Items packed, with 95 % intervals".into(),
+            label: "items packed, %".into(),
+            most: 100.0,
+            stacked: false,
+            series: series.collect(),
+            groups,
         })
-        .collect();
-    bars::svg(&Bars {
-        title: "Items packed, with 95 % intervals".into(),
-        label: "items packed, %".into(),
-        most: 100.0,
-        stacked: false,
-        groups,
-        series,
-    })
+    };
+    methods.chunks(MOST_SERIES).map(chart).collect()
 }
 
 /// Items that were not packed, by what became of them.
@@ -249,4 +253,19 @@ fn names(cells: &[Cell], group_of: impl Fn(&Cell) -> String) -> (Vec<String>, Ve
         }
     }
     (groups, methods)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::experiment::summary::{cells, tests::trial};
+
+    #[test]
+    fn more_methods_than_a_chart_can_show_are_in_several() {
+        let trials =
+            (0..MOST_SERIES + 1).map(|i| trial(1, "base", &format!("e{i:02}"), &[("can", i > 0, None)]));
+        let svg = packed(&cells(&trials.collect::<Vec<_>>())).unwrap();
+        assert_eq!(svg.matches("<svg").count(), 2);
+        assert!(svg.contains("e00") && svg.contains("e14"), "{svg}");
+    }
 }

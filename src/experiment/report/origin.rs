@@ -1,5 +1,6 @@
 //! What the folders of a page are: a single run, an experiment or a shard of one, a campaign, a sweep.
 
+use std::collections::BTreeSet;
 use std::path::Path;
 
 use serde_json::Value;
@@ -110,7 +111,16 @@ pub fn title(sources: &Sources) -> (String, String) {
             }
         },
         _ if kinds().all(|kind| *kind == Kind::Trial) => "Single trials".to_owned(),
-        many => format!("{} folders together", many.len()),
+        _ => {
+            let name = |kind: &Kind| match kind {
+                Kind::Trial => "single trials",
+                Kind::Trials { .. } => "trials",
+                Kind::Sweep { .. } => "sweeps",
+                Kind::Campaign { .. } => "campaigns",
+            };
+            let names: BTreeSet<&str> = kinds().map(name).collect();
+            format!("Several folders: {}", names.into_iter().collect::<Vec<_>>().join(", "))
+        }
     };
     let packed = || {
         let packed: usize = sources.trials.iter().map(|trial| trial.packed).sum();
@@ -167,6 +177,6 @@ mod tests {
         is(of(&[campaign(4)], 2), "Campaign c", "2 trials, 2 of 4 items packed");
         assert_eq!(of(&[campaign(3)], 2).0, "Campaign c, 3 of 4 units");
         assert_eq!(of(&[Kind::Trial, Kind::Trial], 2).0, "Single trials");
-        assert_eq!(of(&[trials(None), Kind::Sweep { grasps: 9 }], 2).0, "2 folders together");
+        assert_eq!(of(&[trials(None), Kind::Sweep { grasps: 9 }], 2).0, "Several folders: sweeps, trials");
     }
 }

@@ -378,6 +378,7 @@ fn shown(fall: Option<&Fall>, d50: bool, unit: f64) -> String {
     let low_from_the_start = fall.chance(0.0) < if d50 { 0.5 } else { 0.9 };
     match (d50, low_from_the_start) {
         (_, true) => "–".into(),
+        (true, _) if fall.d50.is_none() && fall.d50_interval == [None; 2] => "…".into(),
         (true, _) => {
             let [low, high] = fall.d50_interval.map(number);
             format!("{} ({low}-{high})", number(fall.d50))
