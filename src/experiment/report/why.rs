@@ -63,7 +63,7 @@ pub fn ways(sources: &Sources, cells: &[Cell]) -> Vec<Way> {
         })
         .collect();
     // Equal ones stay in the order of their names.
-    ways.sort_by(|a, b| b.items.cmp(&a.items));
+    ways.sort_by_key(|way| std::cmp::Reverse(way.items));
     ways
 }
 
