@@ -132,8 +132,7 @@ fn trials_killed_and_split_are_the_trials_undisturbed() {
     run(&["merge", paths[1], "--out", part.to_str().unwrap()]);
     run(&["report", part.to_str().unwrap(), "--out", page.to_str().unwrap()]);
     assert!(
-        text(&page).contains("2 of 4 trials")
-            && text(&page).contains("<p class=kind>Trials, shard 2 of 2</p>")
+        text(&page).contains("2 of 4 trials") && text(&page).contains("<p class=kind>Trials, 2 of 4</p>")
     );
     let twice = error(&["report", paths[0], paths[0], "--out", at("y.html").to_str().unwrap()]);
     assert!(twice.contains("more than one"), "{twice}");

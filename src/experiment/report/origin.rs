@@ -18,7 +18,7 @@ pub enum Kind {
     Trials {
         /// How many there are.
         trials: usize,
-        /// How many there are to be.
+        /// How many there are to be, without those that cannot be laid out.
         of: usize,
         /// Which part they are, where they are one.
         shard: Option<Shard>,
@@ -102,6 +102,7 @@ pub fn title(sources: &Sources) -> (String, String) {
     let kind = match sources.origins.as_slice() {
         [one] => match &one.kind {
             Kind::Trial => "One trial".to_owned(),
+            Kind::Trials { shard: None, trials, of } if trials < of => format!("Trials, {trials} of {of}"),
             Kind::Trials { shard: None, .. } => "Trials".to_owned(),
             Kind::Trials { shard: Some(Shard { index, of }), .. } => format!("Trials, shard {index} of {of}"),
             Kind::Sweep { .. } => "Sweep".to_owned(),
@@ -174,6 +175,7 @@ mod tests {
             "Trials, shard 2 of 3",
             "2 trials, 2 of 4 items packed",
         );
+        assert_eq!(of(&[Kind::Trials { trials: 2, of: 4, shard: None }], 2).0, "Trials, 2 of 4");
         is(of(&[campaign(4)], 2), "Campaign c", "2 trials, 2 of 4 items packed");
         assert_eq!(of(&[campaign(3)], 2).0, "Campaign c, 3 of 4 units");
         assert_eq!(of(&[Kind::Trial, Kind::Trial], 2).0, "Single trials");

@@ -73,6 +73,7 @@ impl Sources {
                         path.display()
                     ));
                 }
+                let of = of.saturating_sub(left_out);
                 let shard = serde_json::from_value(about["shard"].clone()).unwrap_or_default();
                 sources.origins.push(Origin::new(path, Kind::Trials { trials, of, shard }, &about));
             } else if is(path, sweep::MANIFEST) {
