@@ -69,6 +69,7 @@ pub mod object_report;
 pub mod pictures;
 pub mod plot;
 pub mod progress;
+pub mod provenance;
 pub mod record;
 pub mod robot;
 pub mod run_dir;

@@ -59,15 +59,19 @@ pub struct Panel {
     pub level: Option<(f64, String)>,
 }
 
-/// A line, and the region around it.
-#[derive(Debug, Clone)]
+/// A line, the region around it, and what it was made from. Any of these may be empty.
+#[derive(Debug, Clone, Default)]
 pub struct Curve {
     /// In the legend.
     pub label: String,
-    /// In order of x, units of the axes.
+    /// In order of x, units of the axes. The line ends before a y that is no number, and begins anew behind it.
     pub points: Vec<(f64, f64)>,
-    /// x, lower and upper end, in order of x; may be empty.
+    /// x, lower and upper end, in order of x.
     pub band: Vec<(f64, f64, f64)>,
+    /// Values that were measured, as dots: x, y, and the ends of y's interval.
+    pub dots: Vec<(f64, f64, [f64; 2])>,
+    /// Single cases, as ticks: x, and whether it is above the panel or below, where the axis upwards has [`room`](Axis::with_room).
+    pub rug: Vec<(f64, bool)>,
 }
 
 /// An axis with its ticks. What lies beyond its ends is drawn at them.
@@ -76,12 +80,21 @@ pub struct Axis {
     label: String,
     range: Range<f64>,
     log: bool,
+    /// At either end, without ticks.
+    room: f64,
 }
 
 impl Axis {
     /// From one value to another. `label` has the unit.
     pub fn linear(label: &str, from: f64, to: f64) -> Self {
-        Self { label: label.to_owned(), range: from..to, log: false }
+        Self { label: label.to_owned(), range: from..to, log: false, room: 0.0 }
+    }
+
+    /// The same with so much room beyond either end, for a rug. Of linear axes alone.
+    #[must_use]
+    pub fn with_room(self, room: f64) -> Self {
+        let Range { start, end } = self.range;
+        Self { range: start - room..end + room, room, ..self }
     }
 
     /// Logarithmic, over the positive ones of `values`, to the next 1, 2 or 5 times a power of ten on either side.
@@ -99,15 +112,15 @@ impl Axis {
         let from = below.unwrap_or(ends[0]);
         // Two decades' worth of nothing is better than an axis without ticks.
         let to = above.unwrap_or(ends[1]).max(2.0 * from);
-        Self { label: label.to_owned(), range: from..to, log: true }
+        Self { label: label.to_owned(), range: from..to, log: true, room: 0.0 }
     }
 
     /// Ticks with numbers.
     fn ticks(&self) -> Vec<f64> {
         let Range { start, end } = self.range;
         if !self.log {
-            let steps = rounds(&[1, 2, 5], &((end - start) / 8.0..end - start));
-            let step = steps.first().copied().unwrap_or(1.0);
+            let (start, end) = (start + self.room, end - self.room);
+            let step = round_up((end - start) / 8.0);
             let (first, last) = ((start / step).ceil() as i64, (end / step * (1.0 + 1e-9)).floor() as i64);
             return (first..=last).map(|i| i as f64 * step).collect();
         }
@@ -120,6 +133,11 @@ impl Axis {
         let all = [1, 2, 3, 4, 5, 6, 7, 8, 9];
         if self.log { rounds(&all, &self.range) } else { Vec::new() }
     }
+}
+
+/// The next 1, 2 or 5 times a power of ten from a positive number on; 1 of others.
+fn round_up(x: f64) -> f64 {
+    rounds(&[1, 2, 5], &(x..10.0 * x)).first().copied().unwrap_or(1.0)
 }
 
 /// Digits times powers of ten in a range of positive numbers, ascending.
@@ -254,7 +272,28 @@ fn draw_chart<'a>(panel: &Panel, area: &Area<'a>) -> Drawn<'a> {
         chart.draw_series([PathElement::new([(start, *y), (end, *y)], level_style())])?;
     }
     for (curve, color) in panel.curves.iter().zip(COLORS) {
-        chart.draw_series([PathElement::new(curve.points.clone(), color.stroke_width(4))])?;
+        for piece in curve.points.split(|point| point.1.is_nan()).filter(|piece| !piece.is_empty()) {
+            chart.draw_series([PathElement::new(piece, color.stroke_width(4))])?;
+        }
+    }
+    // All dots above all lines.
+    for (curve, color) in panel.curves.iter().zip(COLORS) {
+        let whisker = color.mix(0.6).stroke_width(2);
+        let interval =
+            |&(x, _, [low, high]): &(f64, f64, [f64; 2])| PathElement::new([(x, low), (x, high)], whisker);
+        chart.draw_series(curve.dots.iter().map(interval))?;
+        chart.draw_series(curve.dots.iter().map(|&(x, y, _)| Circle::new((x, y), 7, color.filled())))?;
+    }
+    // A lane a curve, from the ends of the axis outwards.
+    let (lane, gap) = (0.85 * panel.y.room / panel.curves.len().max(1) as f64, 0.15 * panel.y.room);
+    let ends = [panel.y.range.start + panel.y.room - gap, panel.y.range.end - panel.y.room + gap];
+    for (i, (curve, color)) in panel.curves.iter().zip(COLORS).enumerate() {
+        let tick = |&(x, above): &(f64, bool)| {
+            let (end, sign) = if above { (ends[1], 1.0) } else { (ends[0], -1.0) };
+            let [from, to] = [i as f64, i as f64 + 0.8].map(|lanes| end + sign * lanes * lane);
+            PathElement::new([(x, from), (x, to)], color.mix(0.75).stroke_width(2))
+        };
+        chart.draw_series(curve.rug.iter().map(tick))?;
     }
     Ok(())
 }
@@ -306,6 +345,34 @@ mod tests {
     }
 
     #[test]
+    fn single_cases_stand_beside_their_curve_and_a_gap_is_none() {
+        let curve = Curve {
+            label: "can".into(),
+            points: vec![(-1.0, 50.0), (0.0, 100.0), (0.0, f64::NAN), (0.0, 90.0), (1.0, 50.0)],
+            dots: vec![(-1.0, 40.0, [10.0, 70.0]), (1.0, 60.0, [30.0, 80.0])],
+            rug: vec![(-1.0, false), (-0.9, true), (1.0, true)],
+            ..Curve::default()
+        };
+        let panel = Panel {
+            title: String::new(),
+            x: Axis::linear("x", -1.0, 1.0),
+            y: Axis::linear("y", 0.0, 100.0).with_room(10.0),
+            curves: vec![curve],
+            level: None,
+        };
+        let shown: Vec<String> = panel.y.ticks().iter().map(|tick| panel.y.format_ext(tick)).collect();
+        assert_eq!((shown.first().unwrap().as_str(), shown.last().unwrap().as_str()), ("0", "100"));
+        let text = svg(&Figure { title: String::new(), columns: 1, panels: vec![panel] }).unwrap();
+        let of = |element: &str, width: u32| {
+            let width = format!("stroke=\"#0072B2\" stroke-width=\"{width}\"");
+            text.lines().filter(|line| line.starts_with(element) && line.contains(&width)).count()
+        };
+        // Two pieces and the legend's line; two intervals and three ticks.
+        assert_eq!((of("<polyline", 4), of("<polyline", 2)), (3, 5), "{text}");
+        assert_eq!(text.matches("<circle").count(), 2);
+    }
+
+    #[test]
     fn values_map_to_pixels_and_stay_inside() {
         let log = Axis::log("", [1.0, 100.0]);
         let at = |x: f64| log.map(&x, (0, 1000));
@@ -316,8 +383,8 @@ mod tests {
 
     #[test]
     fn names_of_any_kind_stay_text() {
-        let curve =
-            Curve { label: "a<b> & \"c\"".to_owned(), points: vec![(0.0, 0.0), (1.0, 1.0)], band: vec![] };
+        let points = vec![(0.0, 0.0), (1.0, 1.0)];
+        let curve = Curve { label: "a<b> & \"c\"".to_owned(), points, ..Curve::default() };
         let panel = Panel {
             title: String::new(),
             x: Axis::linear("x", 0.0, 1.0),

@@ -16,7 +16,7 @@ pub fn figure(dataset: &str, results: &[(String, &[Case])]) -> Figure {
             let points = steps(&errors, most).into_iter().map(|(m, share)| (1e3 * m, 100.0 * share));
             let label =
                 format!("{name}: AUC {:.1} %, {} instances", 100.0 * auc(&errors, most), errors.len());
-            Curve { label, points: points.collect(), band: Vec::new() }
+            Curve { label, points: points.collect(), ..Curve::default() }
         });
         Panel {
             title: title.to_owned(),

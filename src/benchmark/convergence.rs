@@ -258,6 +258,7 @@ impl Convergence {
                         label: format!("{}: {end}", contender.name),
                         points: spreads.iter().map(|s| (s.x, s.mean)).collect(),
                         band: spreads.iter().map(|s| (s.x, s.quartiles[0], s.quartiles[1])).collect(),
+                        ..Curve::default()
                     }
                 };
                 let curves: Vec<Curve> = contenders.iter().enumerate().map(curve).collect();

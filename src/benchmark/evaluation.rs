@@ -14,6 +14,7 @@ use serde::{Deserialize, Serialize};
 use super::case::{Case, InImage, bootstrap};
 use super::challenge::{Asked, Lacking, Model, Recall};
 use super::estimates::targets;
+use super::objects::names as object_names;
 use super::presence::{Presence, THERE, of_absent_objects, presence};
 
 /// Thresholds of the accuracy curves, metres: the paper's, and PoseCNN's.
@@ -66,6 +67,9 @@ pub struct Evaluation {
     pub all: Figures,
     /// By object number.
     pub objects: BTreeMap<u32, Figures>,
+    /// Names of the objects, by their numbers; left out of a set that has none.
+    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+    pub names: BTreeMap<u32, String>,
     /// By view, where the scenes tell the views' names (`scene_info.json`).
     pub conditions: BTreeMap<String, Figures>,
     /// Estimates of images or objects that are not asked for.
@@ -158,6 +162,7 @@ pub fn evaluate(dataset: &Dataset, estimates: &[Estimate]) -> Result<Evaluation>
     Ok(Evaluation {
         unknown,
         all: of_images(&all),
+        names: object_names(dataset).into_iter().filter(|(id, _)| objects.contains(id)).collect(),
         objects: objects.iter().map(|id| (*id, of_object(id))).collect(),
         conditions: by_condition.into_iter().map(|(name, images)| (name, of_images(&images))).collect(),
         ignored: estimates.len() + both - asked - presence.absent,

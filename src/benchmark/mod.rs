@@ -27,7 +27,7 @@ pub use estimates::{
     Estimated, FrameEstimator, PosteriorLine, Run, asked_models, finished as finished_images, sequences,
 };
 pub use evaluation::{Evaluation, Figures, Kind, THRESHOLDS, evaluate, views};
-pub use objects::load as load_object;
+pub use objects::{load as load_object, names as object_names, title as object_title};
 pub use paper::{Area, PaperTable};
 pub use presence::Presence;
 pub use published::METHODS;

@@ -72,7 +72,7 @@ fn host() -> String {
 }
 
 /// As the system calls it; where it does not, the architecture.
-fn cpu() -> String {
+pub(crate) fn cpu() -> String {
     let text = std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
     model(&text).unwrap_or_else(|| std::env::consts::ARCH.to_owned())
 }

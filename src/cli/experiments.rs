@@ -103,7 +103,7 @@ pub struct MergeArgs {
 /// `grip report`.
 #[derive(Debug, Args)]
 pub struct ReportArgs {
-    /// Folders that trials, merge, sweep and pack have made, and figures (SVG) to show with them.
+    /// Folders that trials, merge, sweep, campaign and pack have made, and figures (SVG) to show with them.
     #[arg(value_name = "DIR|SVG", required = true)]
     pub sources: Vec<PathBuf>,
     /// The page; CSV files get its name.

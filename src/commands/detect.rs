@@ -16,7 +16,10 @@ use serde::Serialize;
 
 use super::Done;
 use super::output::{self, Bar};
-use crate::benchmark::{DetectionFigures, FileBox, MOST_BOXES, ObjectImage, measure, truth_boxes, views};
+use crate::benchmark::{
+    DetectionFigures, FileBox, MOST_BOXES, ObjectImage, measure, object_names, object_title, truth_boxes,
+    views,
+};
 use crate::cli::DetectArgs;
 use crate::progress::Progress;
 use crate::{pictures, plot};
@@ -335,9 +338,10 @@ fn report(
             shown(f.top1),
         ]
     };
+    let objects = object_names(dataset);
     let rows = by_object
         .iter()
-        .map(|(id, f)| row(format!("object {id}"), f))
+        .map(|(id, f)| row(object_title(&objects, *id), f))
         .chain(by_view.iter().map(|(name, f)| row(format!("view {name}"), f)))
         .chain([row("all".into(), &all)]);
     let header = ["", "instances", "AP50", "AP", "recall@100", "AR@100", "best box right"];

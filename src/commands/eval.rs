@@ -14,7 +14,7 @@ use super::Done;
 use super::output;
 use crate::benchmark::{
     Area, Case, Credibilities, Credibility, Evaluation, Figures, Lacking, METHODS, PaperTable, Presence,
-    Recall, accuracy_figure, credibility, evaluate,
+    Recall, accuracy_figure, credibility, evaluate, object_title,
 };
 use crate::cli::EvalArgs;
 use crate::plot;
@@ -161,7 +161,7 @@ fn print(evaluation: &Evaluation, paper: Option<&PaperTable>) -> Result<()> {
     let rows = evaluation
         .objects
         .iter()
-        .map(|(id, figures)| row(&format!("object {id}"), figures))
+        .map(|(id, figures)| row(&object_title(&evaluation.names, *id), figures))
         .chain(evaluation.conditions.iter().map(|(name, figures)| row(&format!("view {name}"), figures)))
         .chain([row("all", &evaluation.all)]);
     output::data(format_args!("{}", output::table(header, &[1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11], rows)))?;
@@ -182,8 +182,9 @@ fn kinds(evaluation: &Evaluation) -> String {
         cells(name, &|kind| if count(kind) == 0 { String::new() } else { count(kind).to_string() })
     };
     let mean = |kind: ErrorKind| all[&kind].confidence.map_or_else(|| "-".to_owned(), |c| format!("{c:.2}"));
-    let rows =
-        (evaluation.objects.iter()).map(|(id, figures)| counts(&format!("object {id}"), figures)).chain([
+    let rows = (evaluation.objects.iter())
+        .map(|(id, figures)| counts(&object_title(&evaluation.names, *id), figures))
+        .chain([
             counts("all", &evaluation.all),
             cells("mean confidence", &mean),
             cells("of these 0.5 or more", &|kind| all[&kind].sure.to_string()),

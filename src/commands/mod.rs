@@ -39,6 +39,7 @@ pub use self::output::Caller;
 use crate::cli::{Cli, Command, EstimateArgs, PackArgs, options};
 use crate::estimators::EstimatorKind;
 use crate::graspers::GrasperKind;
+use crate::provenance;
 
 /// Runs a command line, the program's name first, as the command does: it prints, and ends the process at Ctrl-C.
 pub fn main(args: impl IntoIterator<Item = OsString>) -> ExitCode {
@@ -47,6 +48,8 @@ pub fn main(args: impl IntoIterator<Item = OsString>) -> ExitCode {
 
 /// The same; the exit code as a number.
 pub fn code(args: impl IntoIterator<Item = OsString>) -> u8 {
+    let args: Vec<OsString> = args.into_iter().collect();
+    let words = args.iter().map(|word| word.to_string_lossy().into_owned()).collect();
     let cli = match Cli::try_parse_from(args) {
         Ok(cli) => cli,
         Err(error) => {
@@ -66,7 +69,7 @@ pub fn code(args: impl IntoIterator<Item = OsString>) -> u8 {
     env_logger::Builder::new().parse_filters(level).format_timestamp(None).format_target(false).init();
     interrupt::install(&cli.command);
     let kept = interrupt::kept(&cli.command);
-    match run(cli) {
+    match provenance::asked_by(words, || run(cli)) {
         Ok(done) => done.code(),
         Err(error) => {
             output::message(format_args!("error: {error:#}"));
@@ -99,7 +102,7 @@ pub fn call(
     caller: Arc<dyn Caller>,
 ) -> anyhow::Result<u8> {
     let words = options::words(verb, options)?;
-    let mut cli = Cli::try_parse_from(words).map_err(|error| {
+    let mut cli = Cli::try_parse_from(&words).map_err(|error| {
         // Of what clap prints the first lines say what is wrong; the rest is how a shell would say it.
         let text = error.to_string();
         let ends = ["\n\nUsage:", "\n\nFor more"].iter().filter_map(|end| text.find(end));
@@ -107,7 +110,7 @@ pub fn call(
         anyhow::anyhow!("{}", told.trim_start_matches("error: ").to_owned())
     })?;
     give(&mut cli.command, given)?;
-    Ok(output::called_by(caller, || run(cli))?.code())
+    Ok(provenance::asked_by(words, || output::called_by(caller, || run(cli)))?.code())
 }
 
 /// Puts what is given into the options.

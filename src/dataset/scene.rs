@@ -183,14 +183,9 @@ fn attempt(
         shown
     };
 
-    let mut ids: Vec<u32> = Vec::new();
-    for id in setup.models.iter().map(|model| model.info.bop_id) {
-        // Of several instances of an object there is one model.
-        if !ids.contains(&id) {
-            ids.push(id);
-        }
-    }
-    let writer = SceneWriter::begin(split, number)?.with_coco(&plan.scene.name, &ids);
+    // Of several instances of an object there is one category.
+    let objects = setup.models.iter().map(|model| (model.info.bop_id, model.info.name.as_str()));
+    let writer = SceneWriter::begin(split, number)?.with_coco(&plan.scene.name, objects);
     let conditions: Vec<Condition> = plan
         .views
         .iter()

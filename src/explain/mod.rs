@@ -12,17 +12,14 @@ use grip_sim::bop::results::Estimate;
 use grip_sim::bop::{BopFrame, Dataset};
 use grip_sim::images::{Image, LabelImage, RgbImage};
 use grip_sim::mesh::Visual;
-use grip_sim::objects;
 use grip_sim::pose::Pose;
 use grip_sim::render::cpu::CpuRenderer;
 use grip_sim::render::{Instance, Lighting, RenderScene, Renderer};
 use grip_sim::sensor::color::develop;
 use schemars::JsonSchema;
 use serde::Serialize;
-use serde_json::Value;
 
-use crate::assets;
-use crate::benchmark::camera_frame;
+use crate::benchmark::{camera_frame, object_names};
 
 /// Readings nearer than this to the rendered surface, along the ray, support it, metres.
 pub const INLIER_M: f64 = 0.007;
@@ -175,7 +172,7 @@ impl Explanation {
                 *residual_m.at_mut(u, v) = residual;
             }
         }
-        let names = names(dataset);
+        let names = object_names(dataset);
         let evidence = ColourEvidence::new(&camera_frame(&frame));
         let agreement = |estimate: &Estimate| {
             let visual = models.get(&estimate.obj_id)?;
@@ -257,19 +254,4 @@ fn load<'a>(models: &'a mut BTreeMap<u32, Visual>, dataset: &Dataset, id: u32) -
         Entry::Occupied(entry) => entry.into_mut(),
         Entry::Vacant(entry) => entry.insert(dataset.load_model(id)?),
     })
-}
-
-/// The names of objects by our table, for our own sets; others number their objects as they like.
-fn names(dataset: &Dataset) -> BTreeMap<u32, String> {
-    // A picture with numbers is better than none.
-    let Ok(plan) = std::fs::read(dataset.root().join("dataset.json")) else { return BTreeMap::new() };
-    let table = objects::table::load(&assets::find("scenes/objects.toml")).unwrap_or_default();
-    let mut names: BTreeMap<u32, String> = table.into_iter().map(|row| (row.bop_id, row.name)).collect();
-    let plan: Value = serde_json::from_slice(&plan).unwrap_or_default();
-    for own in plan["own_objects"].as_array().into_iter().flatten() {
-        if let (Some(id), Some(name)) = (own["info"]["bop_id"].as_u64(), own["info"]["name"].as_str()) {
-            names.insert(id as u32, name.to_owned());
-        }
-    }
-    names
 }

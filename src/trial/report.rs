@@ -7,10 +7,10 @@ use grip_sim::images::{DepthImage, RgbImage};
 use grip_sim::pose::{Camera, Pose, World};
 
 use super::TrialRecord;
-use crate::html::{STYLE, escape, picture};
+use crate::html::{self, escape, picture};
 use crate::pictures;
 use crate::record::{Recording, viewer};
-use crate::score::outcome::{ItemResult, ItemTiming, Outcome};
+use crate::score::outcome::{ItemResult, ItemTiming, Outcome, TrialResult};
 
 /// The pictures of one look.
 #[derive(Debug, Clone)]
@@ -37,21 +37,15 @@ pub fn html(trial: &TrialRecord) -> Result<String> {
     let TrialRecord { result, looks, after, strips, replay, recording, .. } = trial;
     let (wall_s, times) = result.timing.as_ref().map_or((0.0, [].as_slice()), |t| (t.wall_s, &t.items));
     let mut page = String::new();
-    let title = format!("{} of {} packed", result.packed, result.requested);
-    // Writing to a String cannot fail.
-    let _ = write!(
-        page,
-        "<!doctype html><html lang=en><meta charset=utf-8><title>GRIP: {title}</title><style>{STYLE}</style>\
-         <h1>{title}: scene {}, condition {}, seed {}</h1>",
-        escape(&result.scene),
-        escape(&result.condition),
-        result.seed
-    );
+    let TrialResult { packed, requested, scene, condition, seed, renderer, .. } = result;
+    let title = format!("{packed} of {requested} packed: scene {scene}, condition {condition}, seed {seed}");
+    html::begin(&mut page, "One trial", &title, Some(renderer));
     if result.estimator == "truth" {
         page.push_str(
             "<p class=note><b>Estimator: truth.</b> Poses were read from the simulator. This is a ceiling, not a result.</p>",
         );
     }
+    // Writing to a String cannot fail.
     let _ = write!(
         page,
         "<p>Estimator {}, grasps of {}, detector {}, objects {}, renderer {}, hypotheses {}. {:.1} s simulated in {:.1} s. State <code>{}</code>.</p>",

@@ -153,6 +153,15 @@ fn trials_by_units_are_the_trials_undisturbed() {
     assert_eq!(exit, 0, "{said}");
     let (exit, status) = campaign.status();
     assert_eq!((exit, &status["missing"], &status["have"]), (1, &Value::from("0"), &Value::from(4)));
+    // It can be looked at on the way.
+    let report = campaign.grip(&["report", "c", "--out", "now.html"]);
+    assert_eq!(code(&report), 0, "{}", stderr(&report));
+    let page = std::fs::read_to_string(campaign.at("now.html")).unwrap();
+    assert!(
+        page.contains("<p class=kind>Campaign packing, 1 of 2 units</p><h1>4 trials"),
+        "{}",
+        &page[..2000]
+    );
     let error = campaign.merge();
     assert_eq!(code(&error), 2);
     assert!(stderr(&error).contains("1 of 2 units are not done: 0"), "{}", stderr(&error));

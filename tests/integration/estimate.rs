@@ -104,6 +104,14 @@ fn poses_are_the_same_on_any_number_of_threads_and_after_a_stop_and_their_errors
     std::fs::write(&given, truth(&set, 0.0)).unwrap();
     let exact = eval(&set, &given, &[]);
     assert!((exact["all"]["auc_add"][0].as_f64().unwrap() - 1.0).abs() < 1e-6);
+    let keys = |of: &str| exact[of].as_object().unwrap().keys().cloned().collect::<Vec<_>>();
+    assert_eq!(keys("names"), keys("objects"));
+    let table = stdout(&grip(&["eval", set.to_str().unwrap(), given.to_str().unwrap()]));
+    let mut names = exact["names"].as_object().unwrap().values().map(|name| name.as_str().unwrap());
+    assert!(
+        names.all(|name| name.contains('_') && table.contains(name)) && !table.contains("object "),
+        "{table}"
+    );
     std::fs::write(&given, truth(&set, 10.0)).unwrap();
     let json = eval(&set, &given, &["--errors", errors.to_str().unwrap()]);
     assert!((json["all"]["auc_add"][0].as_f64().unwrap() - 0.75).abs() < 1e-6, "{}", json["all"]);

@@ -131,7 +131,9 @@ fn trials_killed_and_split_are_the_trials_undisturbed() {
     let part = at("part");
     run(&["merge", paths[1], "--out", part.to_str().unwrap()]);
     run(&["report", part.to_str().unwrap(), "--out", page.to_str().unwrap()]);
-    assert!(text(&page).contains("2 of 4 trials"));
+    assert!(
+        text(&page).contains("2 of 4 trials") && text(&page).contains("<p class=kind>Trials, 2 of 4</p>")
+    );
     let twice = error(&["report", paths[0], paths[0], "--out", at("y.html").to_str().unwrap()]);
     assert!(twice.contains("more than one"), "{twice}");
 
@@ -156,6 +158,9 @@ fn trials_killed_and_split_are_the_trials_undisturbed() {
     run(&["report", whole.to_str().unwrap(), "--out", page.to_str().unwrap()]);
     let html = text(&page);
     assert!(html.contains("<svg") && html.contains("4 trials") && html.contains("data:image/jpeg"));
+    assert!(html.contains("<p class=kind>Trials</p>") && html.contains("4 of 4 trials (grip trials)"));
+    // Why is asked before anything is drawn.
+    assert!(html.find("Why did it fail?").unwrap() < html.find("<svg").unwrap());
     assert!(!html.contains("are there; the others"), "nothing is missing");
     assert!(!html.contains("src='http") && !html.contains("href="));
     let items = text(&at("report.items.csv"));
@@ -192,7 +197,12 @@ fn a_sweep_that_was_killed_is_the_sweep_undisturbed() {
     assert_eq!(text(&killed.join("grasps.jsonl")), grasps);
 
     run(&["report", whole.to_str().unwrap(), "--out", page.to_str().unwrap()]);
-    assert!(text(&page).contains("closing direction"));
+    let html = text(&page);
+    assert!(
+        html.contains("<p class=kind>Sweep</p>") && html.contains("Errors along y, the closing direction")
+    );
+    // A figure for the one axis, with a dot for each error tried.
+    assert_eq!((html.matches("<svg").count(), html.matches("<circle").count()), (1, 5));
     assert_eq!(text(&at("report.sweep.csv")).lines().count(), 1 + 5);
 }
 

@@ -27,6 +27,12 @@ fn pack_on_threads(args: &[&str], threads: Option<usize>) -> (Value, Value) {
     }
     let page = std::fs::read_to_string(out.join("report.html")).unwrap();
     assert!(!page.contains("http://") && !page.contains("https://"), "the page needs no network");
+    let made = &page[page.find("<p class=kind>One trial</p>").expect("says what it is")..];
+    let of = concat!("<td>grip ", env!("CARGO_PKG_VERSION"), ", commit ");
+    assert!(
+        made.contains(of) && made.contains(" UTC") && made.contains(" pack --json --out "),
+        "says where it comes from"
+    );
     let all_packed = printed["packed"] == printed["requested"];
     assert_eq!(code(&output), i32::from(!all_packed), "exit code 0 if and only if everything was packed");
     (printed, serde_json::from_str(&saved).unwrap())

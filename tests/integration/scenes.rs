@@ -52,6 +52,10 @@ fn the_same_seed_gives_the_same_bytes_on_any_number_of_jobs_and_after_a_kill() {
     let output = scenes(&two, &[&settings[..], &["--jobs", "2"]].concat());
     assert_eq!(code(&output), 0, "{}", stderr(&output));
     assert_same(&one, &two);
+    let coco: serde_json::Value =
+        serde_json::from_slice(&std::fs::read(one.join("coco.json")).unwrap()).unwrap();
+    let soup = coco["categories"].as_array().unwrap().iter().find(|category| category["id"] == 4).unwrap();
+    assert_eq!(soup["name"], "005_tomato_soup_can", "{coco}");
 
     // As a kill leaves it: a scene is missing, and so are the files of the whole set; a hidden folder is half full.
     std::fs::remove_dir_all(two.join("test/000001")).unwrap();

@@ -1,7 +1,8 @@
 //! Instance masks in COCO's format: `scene_gt_coco.json` a scene, as the toolkit's `calc_gt_coco` makes it, and one
 //! `coco.json` for a whole split.
 //!
-//! As there, an image's id is its number in the scene, categories are object ids, the segmentation is that of the visible
+//! As there, an image's id is its number in the scene, categories are object ids (with the objects' names, where the toolkit has their
+//! numbers again), the segmentation is that of the visible
 //! part and the box that of the whole silhouette within the image ("amodal"), counted in pixels (one more than the
 //! boxes of `scene_gt_info.json`). Instances without a visible pixel have no annotation. Dates are left empty, so that
 //! the same scene makes the same file.
@@ -53,7 +54,7 @@ pub struct Info {
 pub struct Category {
     /// Object id.
     pub id: u32,
-    /// The same as text.
+    /// The object's name.
     pub name: String,
     /// The data set.
     pub supercategory: String,
@@ -172,9 +173,13 @@ pub(super) fn annotation(
 /// What a scene's COCO file is made of: the size and the annotations of each image.
 pub(super) type SceneAnnotations = BTreeMap<u32, ([usize; 2], Vec<Option<Annotation>>)>;
 
-/// The COCO file of a scene of the data set called `name`, in which there are the objects `obj_ids`.
-pub(super) fn scene(name: &str, obj_ids: &[u32], frames: &SceneAnnotations) -> Coco {
-    let category = |id: &u32| Category { id: *id, name: id.to_string(), supercategory: name.to_owned() };
+/// The COCO file of a scene of the data set called `name`, in which there are these objects.
+pub(super) fn scene(name: &str, objects: &BTreeMap<u32, String>, frames: &SceneAnnotations) -> Coco {
+    let category = |(id, object): (&u32, &String)| Category {
+        id: *id,
+        name: object.clone(),
+        supercategory: name.to_owned(),
+    };
     let mut coco = Coco {
         info: Info {
             description: name.to_owned(),
@@ -183,7 +188,7 @@ pub(super) fn scene(name: &str, obj_ids: &[u32], frames: &SceneAnnotations) -> C
             ..Info::default()
         },
         licenses: vec![],
-        categories: obj_ids.iter().map(category).collect(),
+        categories: objects.iter().map(category).collect(),
         images: vec![],
         annotations: vec![],
     };
@@ -294,18 +299,21 @@ mod tests {
         let one = mask([".#", ".#", ".."]);
         let frames: SceneAnnotations =
             [1, 4].map(|im| (im, ([2, 3], vec![annotation(5, &one, &one, 1.0), None]))).into();
-        let mut whole = scene("set", &[5], &frames);
+        let named =
+            |ids: &[u32]| ids.iter().map(|id| (*id, format!("object {id}"))).collect::<BTreeMap<_, _>>();
+        let mut whole = scene("set", &named(&[5]), &frames);
         assert_eq!(
             whole.annotations.iter().map(|a| (a.id, a.image_id)).collect::<Vec<_>>(),
             [(1, 1), (2, 4)]
         );
-        whole.merge(scene("set", &[3, 5], &frames), "test/000002");
+        whole.merge(scene("set", &named(&[3, 5]), &frames), "test/000002");
         assert_eq!(whole.images.iter().map(|i| i.id).collect::<Vec<_>>(), [1, 4, 6, 9]);
         assert_eq!(whole.images[3].file_name, "test/000002/rgb/000004.png");
         assert_eq!(
             whole.annotations.iter().map(|a| (a.id, a.image_id)).collect::<Vec<_>>()[2..],
             [(3, 6), (4, 9)]
         );
-        assert_eq!(whole.categories.iter().map(|c| c.id).collect::<Vec<_>>(), [3, 5]);
+        let categories: Vec<_> = whole.categories.iter().map(|c| (c.id, c.name.as_str())).collect();
+        assert_eq!(categories, [(3, "object 3"), (5, "object 5")]);
     }
 }

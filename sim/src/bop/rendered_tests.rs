@@ -140,7 +140,9 @@ fn a_rendered_set_passes_the_independent_checker() {
     export_models(&root.join("models"), models.iter().map(Arc::as_ref)).unwrap();
     export_evaluation_models(&root.join("models_eval"), models.iter().map(Arc::as_ref)).unwrap();
     for scene_id in [2, 5] {
-        let writer = SceneWriter::begin(&root.join("test"), scene_id).unwrap().with_coco("rendered", &ids);
+        let writer = SceneWriter::begin(&root.join("test"), scene_id)
+            .unwrap()
+            .with_coco("rendered", models.iter().map(|model| (model.info.bop_id, model.info.name.as_str())));
         (0..2).for_each(|im_id| write_frame(&writer, &models, im_id + scene_id - 2));
         writer.finish().unwrap();
     }

@@ -56,9 +56,11 @@ fn sample(im_id: u32) -> Sample {
     Sample { rgb, depth, camera: pose(-k), poses, masks, infos }
 }
 
+const OBJECTS: [(u32, &str); 3] = [(1, "master chef can"), (4, "005_tomato_soup_can"), (9, "potted meat")];
+
 /// Writes a data set of one scene, number 7, with the images 12, 3 and 100.
 fn write(root: &Path) -> PathBuf {
-    let writer = SceneWriter::begin(&root.join("test"), 7).unwrap().with_coco("tiny", &[1, 4, 9]);
+    let writer = SceneWriter::begin(&root.join("test"), 7).unwrap().with_coco("tiny", OBJECTS);
     for im_id in [12, 3, 100] {
         let sample = sample(im_id);
         let objects: Vec<ObjectInFrame> = (0..3)
@@ -137,7 +139,8 @@ fn coco_files_hold_the_visible_masks() {
     let path = write_coco_set(folder.path(), "test").unwrap();
     for (path, from) in [(path, folder.path()), (scene.join("scene_gt_coco.json"), &scene)] {
         let set: coco::Coco = serde_json::from_slice(&std::fs::read(path).unwrap()).unwrap();
-        assert_eq!(set.categories.iter().map(|category| category.id).collect::<Vec<_>>(), [1, 4, 9]);
+        let categories: Vec<_> = set.categories.iter().map(|c| (c.id, c.name.as_str())).collect();
+        assert_eq!(categories, OBJECTS);
         // The third instance is hidden in each image.
         assert_eq!((set.images.len(), set.annotations.len()), (3, 6));
         let sample = sample(3);

@@ -180,8 +180,8 @@ fn disagreement(object: &ObjectInFrame) -> Option<String> {
 pub struct SceneWriter {
     staging: Staging,
     frames: Mutex<Frames>,
-    /// Name of the data set and its objects, if a COCO file is wanted.
-    coco: Option<(String, Vec<u32>)>,
+    /// Name of the data set and its objects by their numbers, if a COCO file is wanted.
+    coco: Option<(String, BTreeMap<u32, String>)>,
 }
 
 #[derive(Debug, Default)]
@@ -206,10 +206,11 @@ impl SceneWriter {
         Ok(Self { staging, frames: Mutex::default(), coco: None })
     }
 
-    /// Has `scene_gt_coco.json` written too, for the data set called `name` with all its objects `obj_ids`.
+    /// Has `scene_gt_coco.json` written too, for the data set called `name` with all its objects: numbers and names.
     #[must_use]
-    pub fn with_coco(mut self, name: &str, obj_ids: &[u32]) -> Self {
-        self.coco = Some((name.to_owned(), obj_ids.to_vec()));
+    pub fn with_coco<'o>(mut self, name: &str, objects: impl IntoIterator<Item = (u32, &'o str)>) -> Self {
+        let objects = objects.into_iter().map(|(id, name)| (id, name.to_owned()));
+        self.coco = Some((name.to_owned(), objects.collect()));
         self
     }
 

@@ -4,14 +4,11 @@ use std::collections::BTreeMap;
 
 use anyhow::Result;
 
+use super::Sources;
 use super::calibration::Calibration;
-use super::{Sources, SweepSource};
 use crate::experiment::stats::kernel_share;
 use crate::experiment::summary::Cell;
-use crate::experiment::sweep::GraspLine;
-use crate::experiment::sweep::errors::Axis;
-use crate::experiment::sweep::fits::ObjectResult;
-use crate::plot::bars::{self, Bar, Bars};
+use crate::plot::bars::{self, Bar, Bars, MOST_SERIES};
 use crate::plot::{self, Axis as PlotAxis, Curve, Figure, MOST_CURVES, Panel};
 use crate::score::outcome::{FirstAttempt, Outcome};
 use crate::setup::CalibrationRecord;
@@ -24,28 +21,32 @@ const MOST_KINDS: usize = 13;
 /// Points of a smooth curve.
 const POINTS: usize = 81;
 
-/// Shares of items packed, by scene and condition, with intervals.
+/// Shares of items packed, by scene and condition, with intervals. Several charts, where there are more methods than one can show.
 pub fn packed(cells: &[Cell]) -> Result<String> {
     let group_of = group_of(cells);
     let (groups, methods) = names(cells, &group_of);
-    let series = methods
-        .iter()
-        .map(|method| {
-            let bars = groups.iter().map(|group| {
-                let cell = cells.iter().find(|&c| &group_of(c) == group && &c.method() == method)?;
-                Some(Bar { value: 100.0 * cell.share, interval: Some(cell.interval.map(|v| 100.0 * v)) })
-            });
+    let chart = |methods: &[String]| {
+        let of = |group: &String, method: &String| {
+            cells.iter().find(|&c| &group_of(c) == group && &c.method() == method)
+        };
+        let some = |group: &&String| methods.iter().any(|method| of(group, method).is_some());
+        let groups: Vec<String> = groups.iter().filter(some).cloned().collect();
+        let bar =
+            |cell: &Cell| Bar { value: 100.0 * cell.share, interval: Some(cell.interval.map(|v| 100.0 * v)) };
+        let series = methods.iter().map(|method| {
+            let bars = groups.iter().map(|group| of(group, method).map(bar));
             (method.clone(), bars.collect())
+        });
+        bars::svg(&Bars {
+            title: "Items packed, with 95 % intervals".into(),
+            label: "items packed, %".into(),
+            most: 100.0,
+            stacked: false,
+            series: series.collect(),
+            groups,
         })
-        .collect();
-    bars::svg(&Bars {
-        title: "Items packed, with 95 % intervals".into(),
-        label: "items packed, %".into(),
-        most: 100.0,
-        stacked: false,
-        groups,
-        series,
-    })
+    };
+    methods.chunks(MOST_SERIES).map(chart).collect()
 }
 
 /// Items that were not packed, by what became of them.
@@ -61,8 +62,7 @@ pub fn failures(cells: &[Cell]) -> Result<String> {
     // More could not be told apart.
     let others: Vec<&String> =
         kinds.split_off(kinds.len().min(MOST_KINDS)).into_iter().map(|(kind, _)| kind).collect();
-    // A multiple of five, so that ticks are whole numbers.
-    let most = cells.iter().map(|c| c.items - c.packed).max().unwrap_or(0).div_ceil(5) * 5;
+    let most = cells.iter().map(|c| c.items - c.packed).max().unwrap_or(0);
     let bar = |n: usize| (n > 0).then_some(Bar { value: n as f64, interval: None });
     let mut series: Vec<(String, Vec<Option<Bar>>)> = kinds
         .into_iter()
@@ -112,7 +112,7 @@ pub fn errors(sources: &Sources) -> Result<Option<String>> {
         Curve {
             label: format!("{name}: AUC {:.1}", 100.0 * auc),
             points: xs().map(|x| (x, under(x))).collect(),
-            band: Vec::new(),
+            ..Curve::default()
         }
     });
     let panel = |title: &str, x: &str, y: &str, curves: Vec<Curve>| Panel {
@@ -186,7 +186,7 @@ pub fn calibration_errors(sources: &Sources) -> Result<Option<String>> {
 
 /// Kernel shares of cases (x, held), per cent, where there are enough.
 fn smooth(label: String, cases: &[(f64, bool)], xs: impl Iterator<Item = f64>, width: f64) -> Curve {
-    let mut curve = Curve { label, points: Vec::new(), band: Vec::new() };
+    let mut curve = Curve { label, ..Curve::default() };
     for x in xs {
         if let Some((share, [low, high])) = kernel_share(cases, x, width) {
             curve.points.push((x, 100.0 * share));
@@ -194,95 +194,6 @@ fn smooth(label: String, cases: &[(f64, bool)], xs: impl Iterator<Item = f64>, w
         }
     }
     curve
-}
-
-/// A sweep along axes: a panel an axis, a curve an object.
-pub fn axes(objects: &[ObjectResult]) -> Result<Option<String>> {
-    // More bands than these could not be told apart.
-    let bands = objects.len() <= 3;
-    let panels: Vec<Panel> = Axis::ALL
-        .into_iter()
-        .filter_map(|axis| {
-            let unit = if axis.turns() { 1f64.to_degrees() } else { 1e3 };
-            let curves: Vec<Curve> = objects
-                .iter()
-                .filter_map(|object| {
-                    let result = object.axes.iter().find(|a| a.axis == axis)?;
-                    let at = |value: f64, share: f64| (unit * value, 100.0 * share);
-                    Some(Curve {
-                        label: object.object.clone(),
-                        points: result.shares.iter().map(|s| at(s.value, s.share)).collect(),
-                        band: result
-                            .shares
-                            .iter()
-                            .filter(|_| bands)
-                            .map(|s| (unit * s.value, 100.0 * s.interval[0], 100.0 * s.interval[1]))
-                            .collect(),
-                    })
-                })
-                .take(MOST_CURVES)
-                .collect();
-            let most = curves.iter().flat_map(|c| &c.points).map(|p| p.0.abs()).fold(0.0, f64::max);
-            let (what, label) = match axis {
-                Axis::X => ("x: approach", "too short - too far, mm"),
-                Axis::Y => ("y: closing direction", "right - left, mm"),
-                Axis::Z => ("z: sideways", "error, mm"),
-                Axis::Roll => ("roll: about the approach", "error, degrees"),
-                Axis::Pitch => ("pitch: about the closing direction", "error, degrees"),
-                Axis::Yaw => ("yaw: about the sideways axis", "error, degrees"),
-            };
-            (!curves.is_empty()).then(|| Panel {
-                title: what.into(),
-                x: PlotAxis::linear(label, -most, most),
-                y: PlotAxis::linear("grasps held, %", 0.0, 100.0),
-                curves,
-                level: None,
-            })
-        })
-        .collect();
-    if panels.is_empty() {
-        return Ok(None);
-    }
-    let title = "Grasps that hold under an error along one axis of the gripper".into();
-    plot::svg(&Figure { title, columns: 2, panels }).map(Some)
-}
-
-/// All errors of a sweep by what they are in ADD-S and in ADD.
-pub fn sizes(sweep: &SweepSource) -> Result<String> {
-    let mut objects: BTreeMap<&str, Vec<(&GraspLine, bool)>> = BTreeMap::new();
-    for line in &sweep.lines {
-        if let Some(held) = line.held() {
-            objects.entry(&line.object).or_default().push((line, held));
-        }
-    }
-    let panel = |title: &str, label: &str, size: fn(&GraspLine) -> f64| {
-        let most = sweep.lines.iter().map(|l| 1e3 * size(l)).fold(0.0, f64::max).min(60.0);
-        let curves = objects.iter().take(MOST_CURVES).map(|(object, lines)| {
-            let cases: Vec<(f64, bool)> = lines.iter().map(|(l, held)| (1e3 * size(l), *held)).collect();
-            let xs = (0..POINTS).map(|i| most * i as f64 / (POINTS - 1) as f64);
-            let mut curve = smooth((*object).to_owned(), &cases, xs, most / 20.0);
-            if objects.len() > 3 {
-                curve.band.clear();
-            }
-            curve
-        });
-        Panel {
-            title: title.into(),
-            x: PlotAxis::linear(label, 0.0, most),
-            y: PlotAxis::linear("grasps held, %", 0.0, 100.0),
-            curves: curves.collect(),
-            level: None,
-        }
-    };
-    let figure = Figure {
-        title: "Grasps that hold, by the size of the pose error".into(),
-        columns: 2,
-        panels: vec![
-            panel("All errors", "ADD-S, mm", |l| l.adds_m),
-            panel("All errors", "ADD, mm", |l| l.add_m),
-        ],
-    };
-    plot::svg(&figure)
 }
 
 /// Predicted against observed.
@@ -303,11 +214,16 @@ pub fn reliability(calibration: &Calibration) -> Result<String> {
             ),
             y: PlotAxis::linear("grasps held, %", 0.0, 100.0),
             curves: vec![
-                Curve { label: "trials".into(), points: points.collect(), band: band.collect() },
+                Curve {
+                    label: "trials".into(),
+                    points: points.collect(),
+                    band: band.collect(),
+                    ..Curve::default()
+                },
                 Curve {
                     label: "perfect prediction".into(),
                     points: vec![(0.0, 0.0), (100.0, 100.0)],
-                    band: Vec::new(),
+                    ..Curve::default()
                 },
             ],
             level: None,
@@ -337,4 +253,19 @@ fn names(cells: &[Cell], group_of: impl Fn(&Cell) -> String) -> (Vec<String>, Ve
         }
     }
     (groups, methods)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::experiment::summary::{cells, tests::trial};
+
+    #[test]
+    fn more_methods_than_a_chart_can_show_are_in_several() {
+        let trials =
+            (0..MOST_SERIES + 1).map(|i| trial(1, "base", &format!("e{i:02}"), &[("can", i > 0, None)]));
+        let svg = packed(&cells(&trials.collect::<Vec<_>>())).unwrap();
+        assert_eq!(svg.matches("<svg").count(), 2);
+        assert!(svg.contains("e00") && svg.contains("e14"), "{svg}");
+    }
 }

@@ -7,14 +7,15 @@ use crate::benchmark::quantile;
 use anyhow::{Context, Result};
 
 use super::calibration::calibration;
-use super::{Sources, SweepSource, figures};
+use super::origin::title;
+use super::{Sources, SweepSource, figures, sweep_figures, why};
 use crate::experiment::plan::Key;
 use crate::experiment::summary::{Cell, cells, pairs};
 use crate::experiment::sweep::errors::Axis;
-use crate::experiment::sweep::fits::{Fall, results};
+use crate::experiment::sweep::fits::{Fall, ObjectResult, results};
 use crate::experiment::sweep::layout::GraspOutcome;
 use crate::graspers::GRIP;
-use crate::html::{STYLE, escape, picture, table};
+use crate::html::{self, escape, picture, table};
 use crate::plot::MOST_CURVES;
 
 /// Films shown of trials that packed everything, and of others.
@@ -35,19 +36,13 @@ const PUBLISHED_D50: [(&str, f64); 4] = [
 /// When a film cannot be read, or a figure cannot be drawn.
 pub fn html(sources: &Sources) -> Result<String> {
     let mut page = String::new();
-    let trials = sources.trials.len();
-    let grasps: usize = sources.sweeps.iter().map(|s| s.lines.len()).sum();
+    let (kind, title) = title(sources);
+    let renderers: BTreeSet<&str> = sources.trials.iter().map(|trial| trial.renderer.as_str()).collect();
+    let renderers: Vec<&str> = renderers.into_iter().collect();
+    html::begin(&mut page, &kind, &title, (!renderers.is_empty()).then(|| renderers.join(", ")).as_deref());
+    let rows = sources.origins.iter().map(|o| vec![o.folder.clone(), o.what(), o.program.clone()]);
+    table(&mut page, &["folder", "what it is", "made by"], &[], rows);
     // Writing to a String cannot fail.
-    let _ = write!(
-        page,
-        "<!doctype html><html lang=en><meta charset=utf-8><title>GRIP: experiments</title><style>{STYLE}</style>\
-         <h1>GRIP: {}</h1>",
-        match (trials, grasps) {
-            (n, 0) => format!("{n} trials"),
-            (0, n) => format!("{n} grasps under pose errors"),
-            (n, m) => format!("{n} trials, {m} grasps under pose errors"),
-        }
-    );
     for note in &sources.notes {
         let _ = write!(page, "<p class=note>{}</p>", escape(note));
     }
@@ -59,7 +54,8 @@ pub fn html(sources: &Sources) -> Result<String> {
         );
     }
     let by_cell = cells(&sources.trials);
-    if trials > 0 {
+    if !sources.trials.is_empty() {
+        why::section(&mut page, sources, &by_cell);
         packed(&mut page, sources, &by_cell)?;
     }
     for (i, sweep) in sources.sweeps.iter().enumerate() {
@@ -144,7 +140,8 @@ fn packed(page: &mut String, sources: &Sources, cells: &[Cell]) -> Result<()> {
         let mut reasons: BTreeMap<[String; 4], usize> = BTreeMap::new();
         for trial in &sources.trials {
             for item in trial.items.iter().filter(|i| !i.reason.is_empty()) {
-                let key = [&*trial.condition, &trial.method(), item.outcome.words(), &item.reason];
+                let reason = without_numbers(&item.reason);
+                let key = [&*trial.condition, &trial.method(), item.outcome.words(), &reason];
                 let key = key.map(str::to_owned);
                 *reasons.entry(key).or_default() += 1;
             }
@@ -176,6 +173,12 @@ fn packed(page: &mut String, sources: &Sources, cells: &[Cell]) -> Result<()> {
     }
     times(page, sources);
     Ok(())
+}
+
+/// A reason with an ellipsis for each number, so that equal ones are counted together.
+fn without_numbers(reason: &str) -> String {
+    let word = |word: &str| if word.parse::<f64>().is_ok() { "…".to_owned() } else { word.to_owned() };
+    reason.split(' ').map(word).collect::<Vec<_>>().join(" ")
 }
 
 fn times(page: &mut String, sources: &Sources) {
@@ -242,10 +245,16 @@ fn sweep_section(page: &mut String, sources: &Sources, sweep: &SweepSource, whic
         own("friction", "", "of each object"),
         own("force_n", " N", "as weight and friction need"),
     );
-    if let Some(svg) = figures::axes(&objects)? {
-        page.push_str(&svg);
+    let axes = sweep_figures::axes(sweep, &objects)?;
+    if !axes.is_empty() {
+        side_by_side(page, &axes);
         let mut header = vec!["object", "held without error, %"];
-        header.extend(["x mm", "y mm", "z mm", "roll deg", "pitch deg", "yaw deg"]);
+        let tried = |axis: &Axis| objects.iter().any(|o| o.axes.iter().any(|result| result.axis == *axis));
+        let names = ["x mm", "y mm", "z mm", "roll deg", "pitch deg", "yaw deg"];
+        let columns: Vec<(Axis, &str)> =
+            Axis::ALL.into_iter().zip(names).filter(|(axis, _)| tried(axis)).collect();
+        header.extend(columns.iter().map(|(_, name)| name));
+        let right: Vec<usize> = (1..header.len()).collect();
         let d50 = ("half still hold (D50)", ", with its 95 % interval", true);
         for (title, interval, which) in [d50, ("nine tenths still hold (D90)", "", false)] {
             let _ = write!(page, "<p><b>Error at which {title}, to either side{interval}</b></p>");
@@ -254,7 +263,7 @@ fn sweep_section(page: &mut String, sources: &Sources, sweep: &SweepSource, whic
                     format!("{} ({})", percent(s.share), s.interval.map(percent).join("-"))
                 });
                 let mut row = vec![o.object.clone(), without];
-                row.extend(Axis::ALL.map(|axis| {
+                row.extend(columns.iter().map(|&(axis, _)| {
                     let unit = if axis.turns() { 1f64.to_degrees() } else { 1e3 };
                     let Some(result) = o.axes.iter().find(|r| r.axis == axis) else { return "-".into() };
                     let [minus, plus] = result.falls.each_ref().map(|fall| shown(fall.as_ref(), which, unit));
@@ -262,11 +271,54 @@ fn sweep_section(page: &mut String, sources: &Sources, sweep: &SweepSource, whic
                 }));
                 row
             });
-            table(page, &header, &[1, 2, 3, 4, 5, 6, 7], rows);
+            table(page, &header, &right, rows);
         }
         page.push_str("<p>…: beyond the errors tried; –: fewer hold even without an error.</p>");
     }
-    page.push_str(&figures::sizes(sweep)?);
+    side_by_side(page, &sweep_figures::sizes(sweep, &objects)?);
+    // Errors along axes are not how poses err: their size says nothing.
+    if objects.iter().any(|object| object.adds.is_some() || object.add.is_some()) {
+        random_errors(page, &objects);
+    }
+    page.push_str("<p><b>What became of the grasps</b></p>");
+    let kinds = [
+        (GraspOutcome::Held, "held"),
+        (GraspOutcome::CollisionOnApproach, "collision on approach"),
+        (GraspOutcome::Missed, "missed"),
+        (GraspOutcome::SlippedOnLift, "slipped on lift"),
+        (GraspOutcome::LostInShake, "lost in the shake"),
+        (GraspOutcome::SlippedInHand, "slipped in the hand"),
+        (GraspOutcome::Unreachable, "out of reach"),
+    ];
+    let mut header = vec!["object"];
+    header.extend(kinds.iter().map(|(_, name)| *name));
+    let rows = objects.iter().map(|o| {
+        let counts = kinds.iter().map(|(kind, _)| o.outcomes.get(kind).copied().unwrap_or(0).to_string());
+        std::iter::once(o.object.clone()).chain(counts).collect()
+    });
+    table(page, &header, &[1, 2, 3, 4, 5, 6, 7], rows);
+
+    if let Some(c) = calibration(sources, which) {
+        page.push_str("<h2>Does the sweep predict the trials?</h2>");
+        page.push_str(&figures::reliability(&c)?);
+        let _ = write!(
+            page,
+            "<p>{} grasps in trials, of objects that the sweep knows: {} % held, {} % were predicted by the curves over \
+             ADD-S. Brier score {:.4}; saying {} % of each would have {:.4}.</p>",
+            c.grasps,
+            percent(c.held),
+            percent(c.predicted),
+            c.brier,
+            percent(c.held),
+            c.brier_of_share
+        );
+    }
+    Ok(())
+}
+
+/// What random errors of a size come to, object by object.
+fn random_errors(page: &mut String, objects: &[ObjectResult]) {
+    page.push_str("<p><b>Random errors</b></p>");
     let header = [
         "object",
         "grasps",
@@ -305,39 +357,18 @@ fn sweep_section(page: &mut String, sources: &Sources, sweep: &SweepSource, whic
         "<p>Published: a simulated parallel gripper on the poses of learned estimators, 5,348 trials, distance between poses. \
          Random errors: log odds of a grasp that holds.</p>",
     );
-    let kinds = [
-        (GraspOutcome::Held, "held"),
-        (GraspOutcome::CollisionOnApproach, "collision on approach"),
-        (GraspOutcome::Missed, "missed"),
-        (GraspOutcome::SlippedOnLift, "slipped on lift"),
-        (GraspOutcome::LostInShake, "lost in the shake"),
-        (GraspOutcome::SlippedInHand, "slipped in the hand"),
-        (GraspOutcome::Unreachable, "out of reach"),
-    ];
-    let mut header = vec!["object"];
-    header.extend(kinds.iter().map(|(_, name)| *name));
-    let rows = objects.iter().map(|o| {
-        let counts = kinds.iter().map(|(kind, _)| o.outcomes.get(kind).copied().unwrap_or(0).to_string());
-        std::iter::once(o.object.clone()).chain(counts).collect()
-    });
-    table(page, &header, &[1, 2, 3, 4, 5, 6, 7], rows);
+}
 
-    if let Some(c) = calibration(sources, which) {
-        page.push_str("<h2>Does the sweep predict the trials?</h2>");
-        page.push_str(&figures::reliability(&c)?);
-        let _ = write!(
-            page,
-            "<p>{} grasps in trials, of objects that the sweep knows: {} % held, {} % were predicted by the curves over \
-             ADD-S. Brier score {:.4}; saying {} % of each would have {:.4}.</p>",
-            c.grasps,
-            percent(c.held),
-            percent(c.predicted),
-            c.brier,
-            percent(c.held),
-            c.brier_of_share
-        );
+/// Figures as many in a row as there is room for.
+fn side_by_side(page: &mut String, figures: &[String]) {
+    if figures.is_empty() {
+        return;
     }
-    Ok(())
+    let _ = write!(page, "<div class=figures><div>{}</div></div>", figures.join("</div><div>"));
+    page.push_str(
+        "<p>Curves: the logistic fits of which D50 and D90 are read. Dots: shares of the grasps that held, of few objects \
+         with 95 % intervals. Ticks: single grasps, above those that held, below those that did not.</p>",
+    );
 }
 
 /// A D50 or D90 in units, the first with its interval.
@@ -347,6 +378,7 @@ fn shown(fall: Option<&Fall>, d50: bool, unit: f64) -> String {
     let low_from_the_start = fall.chance(0.0) < if d50 { 0.5 } else { 0.9 };
     match (d50, low_from_the_start) {
         (_, true) => "–".into(),
+        (true, _) if fall.d50.is_none() && fall.d50_interval == [None; 2] => "…".into(),
         (true, _) => {
             let [low, high] = fall.d50_interval.map(number);
             format!("{} ({low}-{high})", number(fall.d50))
