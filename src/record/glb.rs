@@ -239,8 +239,9 @@ impl Glb {
         let material = match tint {
             Some(tint) => {
                 // In one colour, whatever its own are.
-                let own = attributes.as_object_mut();
-                own.map(|own| own.retain(|name, _| name == "POSITION" || name == "NORMAL"));
+                if let Some(own) = attributes.as_object_mut() {
+                    own.retain(|name, _| name == "POSITION" || name == "NORMAL");
+                }
                 self.plain(tint, false)
             }
             None => self.material(&visual.material)?,

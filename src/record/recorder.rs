@@ -32,7 +32,7 @@ pub enum Event {
     /// An object was estimated.
     Estimate(Estimate),
     /// A way was searched for.
-    Plan(Plan),
+    Plan(Box<Plan>),
     /// The robot has looked, and decided.
     Look(Look),
     /// A step is over.
@@ -256,7 +256,7 @@ impl Recorder {
             risk: risk.to_owned(),
             ..plan_row(&counters, plan)
         };
-        self.events.push(Event::Plan(row));
+        self.events.push(Event::Plan(Box::new(row)));
     }
 
     /// The robot has decided; `believed` objects of `asked`, and so many readings that nothing explains.

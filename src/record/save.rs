@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 
 use super::recorder::{Event, Recorder};
 use super::replay;
-use super::rows::Row;
+use super::rows::{Attempt, Estimate, Look, Plan, Rest, Row, Step};
 use crate::experiment::items;
 use crate::pictures;
 use crate::score::outcome::TrialResult;
@@ -106,7 +106,7 @@ impl Recording {
         macro_rules! of_events {
             ($($kind:ident),+) => {$(
                 let rows: Vec<_> = recorder.events.iter().filter_map(|event| match event {
-                    Event::$kind(row) => Some(row.clone()),
+                    Event::$kind(row) => Some($kind::clone(row)),
                     _ => None,
                 }).collect();
                 files.push(self.table(&rows, Columns::new())?);
@@ -188,9 +188,7 @@ mod tests {
     use std::fmt::Write as _;
 
     use super::*;
-    use crate::record::rows::{
-        Attempt, Contact, Estimate, Look, Moved, Plan, Planned, Rest, Sample, Step, Time,
-    };
+    use crate::record::rows::{Contact, Moved, Planned, Sample, Time};
 
     /// Every table and column, in Markdown.
     fn columns_page() -> String {
