@@ -37,6 +37,7 @@
 //! | [`campaign`] | any of these, cut into units for clusters, and put together |
 //! | [`dataset`] | data sets in BOP's format, made |
 //! | [`benchmark`] | poses of any BOP data set, estimated and measured |
+//! | [`trajectory`] | planned motions as files, ours and ROS's |
 //! | [`robot`] | whether a robot fits its cell, and how it looks |
 //! | [`explain`], [`plot`], [`pictures`] | pictures and figures |
 //! | `commands` | the command `grip`, with the feature `cli` |
@@ -78,6 +79,7 @@ pub mod score;
 pub mod settings;
 pub mod setup;
 pub mod table;
+pub mod trajectory;
 pub mod trial;
 pub mod workers;
 

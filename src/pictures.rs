@@ -1,16 +1,29 @@
 //! Pictures for people and files for tools: colour, depth, labels and overlays as PNG bytes.
 
+mod bright;
+pub mod camera;
+mod depth;
+mod draw;
+mod grasps;
 mod heatmaps;
+mod plan;
+mod solid;
+mod text;
 
 use anyhow::{Context, Result};
 use grip_sim::images::{DepthImage, LabelImage, RgbImage};
 use image::{ExtendedColorType, ImageEncoder, codecs::jpeg::JpegEncoder, codecs::png::PngEncoder};
-use noto_sans_mono_bitmap::{FontWeight, RasterHeight, get_raster};
 
+pub use bright::{brightened, marks_on};
+pub use depth::depth_picture;
+pub use draw::{arrow, disc, fill, frame, line};
+pub use grasps::grasps;
 pub use heatmaps::heatmaps;
+pub use plan::plan;
+pub use text::{Tone, caption, captioned, draw_text, label, text_width, write_text};
 
-/// Depth is drawn over this range, metres: what a head camera sees of a table.
-const DRAWN_DEPTH_M: [f32; 2] = [0.5, 1.8];
+/// Marks what went wrong.
+pub const BAD: [u8; 3] = [190, 30, 22];
 
 /// The colour that stands for an object label in every picture and table.
 pub fn color(label: u16) -> [u8; 3] {
@@ -50,20 +63,6 @@ pub fn depth_png_mm(depth: &DepthImage) -> Result<Vec<u8>> {
     encode(&bytes, depth.width() as u32, depth.height() as u32, ExtendedColorType::L16)
 }
 
-/// Depth as colours, near yellow to far blue; black is no reading.
-pub fn depth_color(depth: &DepthImage) -> RgbImage {
-    let [near, far] = DRAWN_DEPTH_M;
-    let mut picture = RgbImage::new(depth.width() as u32, depth.height() as u32);
-    for (pixel, &metres) in picture.pixels_mut().zip(depth.data()) {
-        if metres > 0.0 {
-            let share = ((far - metres) / (far - near)).clamp(0.0, 1.0);
-            let c = colorous::VIRIDIS.eval_continuous(f64::from(share));
-            pixel.0 = [c.r, c.g, c.b];
-        }
-    }
-    picture
-}
-
 /// Labels as an indexed PNG: tools read the label as the index (Pillow mode `P`), people see colours.
 pub fn labels_png(labels: &LabelImage) -> Result<Vec<u8>> {
     let indices: Vec<u8> = labels
@@ -101,67 +100,31 @@ pub fn outlines(rgb: &RgbImage, believed: &LabelImage) -> RgbImage {
     picture
 }
 
-/// Pictures of one size beside and below each other, `columns` in a row, with a thin white gap.
+/// Pictures beside and below each other, `columns` in a row, with a thin white gap. A row is as high as its highest picture, a column
+/// as wide as its widest.
 pub fn sheet(pictures: &[RgbImage], columns: u32) -> RgbImage {
     const GAP: u32 = 6;
-    let Some(first) = pictures.first() else { return RgbImage::new(1, 1) };
-    let (width, height) = (first.width() + GAP, first.height() + GAP);
-    let columns = columns.clamp(1, pictures.len() as u32);
-    let rows = (pictures.len() as u32).div_ceil(columns);
-    let white = image::Rgb([255; 3]);
-    let mut sheet = RgbImage::from_pixel(columns * width - GAP, rows * height - GAP, white);
-    for (i, picture) in (0u32..).zip(pictures) {
-        let (x, y) = (i % columns * width, i / columns * height);
-        image::imageops::overlay(&mut sheet, picture, i64::from(x), i64::from(y));
+    if pictures.is_empty() {
+        return RgbImage::new(1, 1);
+    }
+    let columns = (columns as usize).clamp(1, pictures.len());
+    let most = |sizes: &mut dyn Iterator<Item = u32>| sizes.max().unwrap_or(0);
+    let widths: Vec<u32> = (0..columns)
+        .map(|column| most(&mut pictures.iter().skip(column).step_by(columns).map(RgbImage::width)))
+        .collect();
+    let heights: Vec<u32> =
+        pictures.chunks(columns).map(|row| most(&mut row.iter().map(RgbImage::height))).collect();
+    let starts = |sizes: &[u32]| -> Vec<u32> {
+        sizes.iter().scan(0, |at, size| Some(std::mem::replace(at, *at + size + GAP))).collect()
+    };
+    let whole = |sizes: &[u32]| sizes.iter().map(|size| size + GAP).sum::<u32>() - GAP;
+    let (lefts, tops) = (starts(&widths), starts(&heights));
+    let mut sheet = RgbImage::from_pixel(whole(&widths), whole(&heights), image::Rgb([255; 3]));
+    for (i, picture) in pictures.iter().enumerate() {
+        let (x, y) = (lefts[i % columns], tops[i / columns]);
+        image::imageops::replace(&mut sheet, picture, i64::from(x), i64::from(y));
     }
     sheet
-}
-
-/// Writes a line of text in the top left corner, white on black; characters beyond ASCII are left out.
-pub fn write_text(picture: &mut RgbImage, text: &str) {
-    const HEIGHT: RasterHeight = RasterHeight::Size16;
-    fill(picture, [0, 0], [text_width(text, HEIGHT), HEIGHT.val() as u32], [0; 3]);
-    draw_text(picture, [0, 0], text, HEIGHT, FontWeight::Regular, [255; 3]);
-}
-
-/// Writes a line of text over the picture with its top left corner at `at`; what reaches out of the picture is cut off.
-pub fn draw_text(
-    picture: &mut RgbImage,
-    at: [u32; 2],
-    text: &str,
-    height: RasterHeight,
-    weight: FontWeight,
-    ink: [u8; 3],
-) {
-    let mut left = at[0];
-    for raster in text.chars().filter_map(|letter| get_raster(letter, weight, height)) {
-        for (y, row) in (at[1]..).zip(raster.raster()) {
-            for (x, &value) in (left..).zip(row.iter()) {
-                if let Some(pixel) = picture.get_pixel_mut_checked(x, y) {
-                    for (channel, ink) in pixel.0.iter_mut().zip(ink) {
-                        let (below, above, share) = (u32::from(*channel), u32::from(ink), u32::from(value));
-                        *channel = ((below * (255 - share) + above * share + 127) / 255) as u8;
-                    }
-                }
-            }
-        }
-        left += raster.width() as u32;
-    }
-}
-
-/// Width of a line of text, pixels.
-pub fn text_width(text: &str, height: RasterHeight) -> u32 {
-    let letters = text.chars().filter_map(|letter| get_raster(letter, FontWeight::Regular, height));
-    letters.map(|raster| raster.width() as u32).sum()
-}
-
-/// Fills a rectangle; what reaches out of the picture is cut off.
-pub fn fill(picture: &mut RgbImage, [left, top]: [u32; 2], [width, height]: [u32; 2], color: [u8; 3]) {
-    for y in top..(top + height).min(picture.height()) {
-        for x in left..(left + width).min(picture.width()) {
-            picture.put_pixel(x, y, image::Rgb(color));
-        }
-    }
 }
 
 fn encode(bytes: &[u8], width: u32, height: u32, kind: ExtendedColorType) -> Result<Vec<u8>> {
@@ -179,7 +142,6 @@ mod tests {
         let depth = DepthImage::from_vec(2, 1, vec![0.0, 1.2345]).unwrap();
         let png = image::load_from_memory(&depth_png_mm(&depth).unwrap()).unwrap().into_luma16();
         assert_eq!(png.as_raw(), &[0, 1235]);
-        assert_eq!(depth_color(&depth).get_pixel(0, 0).0, [0, 0, 0]);
     }
 
     #[test]
@@ -202,6 +164,16 @@ mod tests {
         assert_eq!(sheet.get_pixel(10, 0).0, [255, 0, 0]);
         assert_eq!(sheet.get_pixel(0, 9).0, [255, 0, 0]);
         assert_eq!(sheet.get_pixel(10, 9).0, [255, 255, 255]);
+    }
+
+    #[test]
+    fn a_sheet_makes_room_for_the_largest_picture_of_a_row_and_of_a_column() {
+        let sizes = [(4, 3), (8, 9), (5, 2)];
+        let pictures = sizes.map(|(w, h)| RgbImage::from_pixel(w, h, image::Rgb([0; 3])));
+        let sheet = sheet(&pictures, 2);
+        assert_eq!(sheet.dimensions(), (5 + 6 + 8, 9 + 6 + 2));
+        let black = sheet.pixels().filter(|p| p.0 == [0; 3]).count();
+        assert_eq!(black, 4 * 3 + 8 * 9 + 5 * 2, "no picture covers another");
     }
 
     #[test]

@@ -11,7 +11,8 @@ use grip_sim::unfinished::Unfinished;
 
 /// Files by which a folder is known as one of ours, which may be replaced, and how the schema in them begins. The names
 /// alone would not do: a BOP data set has a camera.json too.
-const MARKS: [(&str, &str); 2] = [("result.json", "grip.trial/"), ("camera.json", "grip.camera/")];
+const MARKS: [(&str, &str); 3] =
+    [("result.json", "grip.trial/"), ("camera.json", "grip.camera/"), ("plan.json", "grip.plan/")];
 
 /// Names the files of a run, a line each, so that a later one knows what it may replace.
 const FILES: &str = ".grip-files";

@@ -64,7 +64,7 @@ class Trial:
 
     @property
     def summary(self) -> Path:
-        """A picture: what the camera saw, its depth, the estimated poses, and the end."""
+        """A picture: before and after from outside, what the camera saw, its depth, the estimated poses."""
         return self.folder / "summary.png"
 
     @property

@@ -87,7 +87,7 @@ def pack(
             default]; an earlier run there is replaced when this one is done.
         record: What to keep of what is known of the trial, in the folder record/ (docs/recordings.md). Default: full.
         record_rate: Samples of a recording a simulated second: joints, forces, poses. Default: 20.
-        animation: Save an animated picture of the trial (replay.gif), seen from outside, four times as fast.
+        animation: Save an animated picture of the trial (replay.png), seen from outside, four times as fast.
         bop: Save what the camera saw at each look as a BOP data set in the run folder (bop/), without truth: the seed is
             the scene, the look the image.
         progress: Whether to show a bar, which needs tqdm. Default: where tqdm is installed.
@@ -282,6 +282,7 @@ def plan(
     *,
     seed: Optional[int] = None,
     jobs: Optional[int] = None,
+    out: Optional[Path] = None,
     robot: Optional[Path] = None,
     robot_config: Optional[Path] = None,
     package_path: Optional[Union[Path, Sequence[Path]]] = None,
@@ -294,6 +295,9 @@ def plan(
         problems: Folder of requestNNNN.yaml and sceneNNNN.yaml, or of such folders.
         seed: Seed of the search; each problem draws its own stream from it. Default: 1.
         jobs: Problems solved at the same time; times are those of one core only with 1. Default: 1.
+        out: Folder for the trajectories [default: none is written]: of each solved problem NAME.json, NAME.yaml (ROS 2's
+            trajectory_msgs/msg/JointTrajectory) and NAME.png (start, goal and the path of the hand), and plan.json,
+            what --json prints. An earlier one there is replaced.
         robot: URDF [default: the scene's; robots/fetch/fetch.urdf where there is none].
         robot_config: What the URDF does not say: groups, poses, limits, gripper (robots/README.md) [default: the scene's;
             robots/fetch/fetch.toml where there is none].
@@ -635,6 +639,7 @@ def grasps(
     names: Optional[Union[str, Sequence[str]]] = None,
     *,
     out: Optional[Path] = None,
+    preview: Optional[Path] = None,
     ycb: Optional[Path] = None,
     objects: Optional[Union[Path, Sequence[Path]]] = None,
     robot: Optional[Path] = None,
@@ -648,6 +653,8 @@ def grasps(
     Args:
         names: Objects, by name [default: all of the table].
         out: Folder for one file an object [default: none is written]; an earlier one there is replaced.
+        preview: Picture for people: each object from two sides with outlines of the gripper, coloured by the share of the
+            pads that touches.
         ycb: Folder of scanned objects (official YCB layout, or a BOP `models` folder) [env: GRIP_YCB_DIR].
         objects: Table of objects of your own (docs/objects.md), beside the built-in ones; may be given more than once.
         robot: URDF [default: the scene's; robots/fetch/fetch.urdf where there is none].

@@ -188,7 +188,7 @@ pub struct PackArgs {
     pub record: Recorded,
     #[command(flatten)]
     pub record_rate: RecordRate,
-    /// Save an animated picture of the trial (replay.gif), seen from outside, four times as fast.
+    /// Save an animated picture of the trial (replay.png), seen from outside, four times as fast.
     #[arg(long)]
     pub animation: bool,
     /// Save what the camera saw at each look as a BOP data set in the run folder (bop/), without truth: the seed is the
@@ -259,6 +259,11 @@ pub struct PlanArgs {
     /// Problems solved at the same time; times are those of one core only with 1.
     #[arg(long, default_value_t = 1, value_parser = clap::builder::RangedU64ValueParser::<usize>::new().range(1..=1024))]
     pub jobs: usize,
+    /// Folder for the trajectories [default: none is written]: of each solved problem NAME.json, NAME.yaml (ROS 2's
+    /// trajectory_msgs/msg/JointTrajectory) and NAME.png (start, goal and the path of the hand), and plan.json, what --json prints. An
+    /// earlier one there is replaced.
+    #[arg(long, value_name = "DIR")]
+    pub out: Option<PathBuf>,
     #[command(flatten)]
     pub robot: RobotFile,
     #[command(flatten)]
@@ -306,6 +311,9 @@ pub struct GraspsArgs {
     /// Folder for one file an object [default: none is written]; an earlier one there is replaced.
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
+    /// Picture for people: each object from two sides with outlines of the gripper, coloured by the share of the pads that touches.
+    #[arg(long, value_name = "FILE.png")]
+    pub preview: Option<PathBuf>,
     /// Folder of scanned objects (official YCB layout, or a BOP `models` folder) [env: GRIP_YCB_DIR].
     #[arg(long, value_name = "DIR")]
     pub ycb: Option<PathBuf>,

@@ -6,14 +6,17 @@ use std::time::Instant;
 use anyhow::{Context, Result};
 use grip_manip::Planner;
 use grip_manip::grasp::GraspSet;
+use grip_sim::bop::write_atomic;
+use grip_sim::render::{self, RendererChoice};
 
 use super::Done;
 use super::output;
 use crate::cli::GraspsArgs;
+use crate::pictures;
 use crate::run_dir::RunDir;
 use crate::setup;
 
-/// Finds the grasps, saves a file an object where `--out` says, prints how many there are.
+/// Finds the grasps, saves a file an object where `--out` says and a picture where `--preview` does, prints how many there are.
 pub fn run(args: &GraspsArgs) -> Result<Done> {
     let folder = args.out.as_deref().map(RunDir::begin).transpose()?;
     let library = setup::library(args.ycb.clone(), &args.tables.tables)?;
@@ -24,7 +27,10 @@ pub fn run(args: &GraspsArgs) -> Result<Done> {
     let (urdf, robot, config) = args.robot.load()?;
     let name = robot.name().to_string();
     let settings = args.settings.load()?.for_robot(&config);
+    let gripper = config.gripper.clone();
     let planner = Planner::new(Arc::new(robot), Arc::new(config), settings.planner);
+    let mut renderer = args.preview.as_ref().map(|_| render::open(RendererChoice::Auto)).transpose()?;
+    let mut drawn = Vec::new();
     let (mut sets, mut models) = (Vec::new(), Vec::new());
     let mut rows = Vec::new();
     for object in &names {
@@ -41,6 +47,9 @@ pub fn run(args: &GraspsArgs) -> Result<Done> {
         };
         rows.push([object.clone(), grasps.candidates.len().to_string(), range, format!("{seconds:.2}")]);
         let set = GraspSet::new(&model, &library.label([&model]), &name, &grasps.candidates);
+        if let Some(renderer) = &mut renderer {
+            drawn.push(pictures::grasps(&model, &gripper, &grasps.candidates, renderer.as_mut())?);
+        }
         models.push(model);
         if let Some(folder) = &folder {
             folder.write(&GraspSet::file_name(object), serde_json::to_string_pretty(&set)?)?;
@@ -50,6 +59,10 @@ pub fn run(args: &GraspsArgs) -> Result<Done> {
     if let Some(folder) = folder {
         let folder = folder.finish().context("--out")?;
         output::message(format_args!("grasps: {}", folder.display()));
+    }
+    if let Some(path) = &args.preview {
+        write_atomic(path, &pictures::rgb_png(&pictures::sheet(&drawn, 1))?).context("--preview")?;
+        output::message(format_args!("preview: {}", path.display()));
     }
     if args.json {
         output::data(format_args!("{}", serde_json::to_string_pretty(&sets)?))?;

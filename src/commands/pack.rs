@@ -128,20 +128,21 @@ fn save(run: &RunDir, trial: &TrialRecord) -> Result<()> {
         run.write(&format!("frames/{i:02}_rgb.png"), pictures::rgb_png(&look.rgb)?)?;
         run.write(&format!("frames/{i:02}_depth.png"), pictures::depth_png_mm(&look.depth)?)?;
         run.write(&format!("frames/{i:02}_overlay.png"), pictures::rgb_png(&look.overlay)?)?;
+        if let Some((bright, _)) = pictures::brightened(&look.rgb) {
+            run.write(&format!("frames/{i:02}_bright.png"), pictures::rgb_png(&bright)?)?;
+        }
     }
     if let Some(after) = &trial.after {
         run.write("frames/end_rgb.png", pictures::rgb_png(after)?)?;
-        if let Some(first) = trial.looks.first() {
-            let depth = pictures::depth_color(&first.depth);
-            let sheet = [first.rgb.clone(), depth, first.overlay.clone(), after.clone()];
-            run.write("summary.png", pictures::rgb_png(&pictures::sheet(&sheet, 2))?)?;
-        }
+    }
+    if let Some(summary) = report::summary(trial) {
+        run.write("summary.png", pictures::rgb_png(&summary)?)?;
     }
     if !trial.strips.is_empty() {
         run.write("film.jpg", pictures::jpeg(&film::sheet(&trial.strips))?)?;
     }
     if let Some(replay) = &trial.replay {
-        run.write("replay.gif", replay)?;
+        run.write("replay.png", replay)?;
     }
     if let Some(recording) = &trial.recording {
         for (name, content) in recording.files()? {

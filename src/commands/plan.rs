@@ -1,11 +1,14 @@
 //! `grip plan`: solves motion planning problems of MotionBenchMaker and checks the solutions.
 
+use std::collections::HashSet;
 use std::path::Path;
 use std::sync::Arc;
 
-use anyhow::{Context, Result};
-use grip_manip::Planner;
-use grip_manip::benchmark::{ProblemResult, ProblemStatus, find_problems, load_problem};
+use anyhow::{Context, Result, ensure};
+use grip_manip::benchmark::{MotionProblem, ProblemResult, ProblemStatus, find_problems, load_problem};
+use grip_manip::{Planner, Trajectory};
+use grip_sim::render::{self, RendererChoice};
+use grip_sim::robot::RobotModel;
 use rayon::prelude::*;
 use schemars::JsonSchema;
 use serde::Serialize;
@@ -14,7 +17,10 @@ use super::Done;
 use super::output::{self, Bar};
 use crate::benchmark::quantile;
 use crate::cli::PlanArgs;
+use crate::pictures;
 use crate::progress::Progress;
+use crate::run_dir::RunDir;
+use crate::trajectory::TrajectoryFile;
 
 /// Version of what `--json` prints.
 pub const SCHEMA: &str = "grip.plan/1";
@@ -67,6 +73,7 @@ struct Summary {
 
 /// Solves, checks and prints.
 pub fn run(args: &PlanArgs) -> Result<Done> {
+    let folder = args.out.as_deref().map(RunDir::begin).transpose()?;
     let (urdf, robot, config) = args.robot.load()?;
     let (robot, config) = (Arc::new(robot), Arc::new(config));
     let problems = find_problems(&args.problems)?
@@ -74,22 +81,23 @@ pub fn run(args: &PlanArgs) -> Result<Done> {
         .map(|(request, scene)| load_problem(request, scene, &robot, &config))
         .collect::<Result<Vec<_>, _>>()?;
     let settings = args.settings.load()?.for_robot(&config);
-    let planner = Planner::new(robot, config, settings.planner);
+    let hand = config.gripper.link;
+    let planner = Planner::new(robot.clone(), config, settings.planner);
     let pool = rayon::ThreadPoolBuilder::new()
         .num_threads(args.jobs)
         .build()
         .context("cannot start the workers; try --jobs 1")?;
     let progress = Bar::new("problems");
     progress.begin(problems.len() as u64, 0);
-    let results: Vec<ProblemResult> = pool.install(|| {
+    let (results, trajectories): (Vec<ProblemResult>, Vec<Option<Trajectory>>) = pool.install(|| {
         problems
             .par_iter()
             .map(|problem| {
-                let (result, _) = planner.solve(problem, args.seed);
+                let solved = planner.solve(problem, args.seed);
                 progress.advance(1);
-                result
+                solved
             })
-            .collect()
+            .unzip()
     });
     progress.finish();
 
@@ -99,16 +107,24 @@ pub fn run(args: &PlanArgs) -> Result<Done> {
         sets.iter().map(|set| summary(set, results.iter().filter(|r| set_of(r) == *set))).collect();
     summaries.push(summary("all", results.iter()));
     let cover = planner.robot().cover();
+    let report = PlanReport {
+        schema: SCHEMA,
+        urdf: &urdf,
+        seed: args.seed,
+        jobs: args.jobs,
+        cover: CoverSummary { balls: cover.balls, worst_m: cover.worst, mean_m: cover.mean },
+        summary: &summaries,
+        problems: &results,
+    };
+    if let Some(folder) = folder {
+        folder.write("plan.json", serde_json::to_string_pretty(&report)?)?;
+        let solved = problems.iter().zip(&trajectories).filter_map(|(p, t)| Some((p, t.as_ref()?)));
+        save(&folder, &robot, hand, solved)?;
+        let folder = folder.finish().context("--out")?;
+        output::message(format_args!("trajectories: {}", folder.display()));
+    }
     if args.json {
-        output::json(&PlanReport {
-            schema: SCHEMA,
-            urdf: &urdf,
-            seed: args.seed,
-            jobs: args.jobs,
-            cover: CoverSummary { balls: cover.balls, worst_m: cover.worst, mean_m: cover.mean },
-            summary: &summaries,
-            problems: &results,
-        })?;
+        output::json(&report)?;
     } else {
         output::data(format_args!("{}\n", table(&summaries)))?;
         output::data(format_args!(
@@ -125,6 +141,30 @@ pub fn run(args: &PlanArgs) -> Result<Done> {
         |r: &&ProblemResult| !matches!(r.status, ProblemStatus::InvalidStart | ProblemStatus::InvalidGoal);
     let all = results.iter().filter(valid).all(|r| r.status == ProblemStatus::Solved);
     Ok(if all { Done::Fully } else { Done::Short })
+}
+
+/// Each solved problem's trajectory: JSON, ROS's YAML and a picture.
+fn save<'a>(
+    folder: &RunDir,
+    robot: &RobotModel,
+    hand: usize,
+    solved: impl Iterator<Item = (&'a MotionProblem, &'a Trajectory)>,
+) -> Result<()> {
+    let mut renderer = render::open(RendererChoice::Auto)?;
+    let mut names = HashSet::new();
+    for (problem, trajectory) in solved {
+        let name = &problem.name;
+        ensure!(
+            names.insert(name),
+            "two problems are called {name}; name a folder with one of them, or do without --out"
+        );
+        let file = TrajectoryFile::new(name, robot, trajectory);
+        folder.write(&format!("{name}.json"), serde_json::to_string(&file)?)?;
+        folder.write(&format!("{name}.yaml"), file.to_ros_yaml())?;
+        let picture = pictures::plan(robot, hand, problem, trajectory, renderer.as_mut())?;
+        folder.write(&format!("{name}.png"), pictures::rgb_png(&picture)?)?;
+    }
+    Ok(())
 }
 
 fn set_of(result: &ProblemResult) -> &str {

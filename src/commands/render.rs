@@ -72,7 +72,7 @@ pub fn run(args: &RenderArgs) -> Result<Done> {
     };
     run.write("rgb.png", pictures::rgb_png(&frame.rgb)?)?;
     run.write("depth.png", pictures::depth_png_mm(&frame.depth)?)?;
-    run.write("depth_color.png", pictures::rgb_png(&pictures::depth_color(&frame.depth))?)?;
+    run.write("depth_color.png", pictures::rgb_png(&pictures::depth_picture(&frame.depth))?)?;
     run.write("labels.png", pictures::labels_png(&rendering.labels)?)?;
     run.write("camera.json", serde_json::to_string_pretty(&camera)?)?;
     let folder = run.finish()?;

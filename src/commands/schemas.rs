@@ -13,6 +13,7 @@ use crate::record::{self, Event, RecordFile};
 use crate::scenario::{self, ScenarioFile};
 use crate::score::outcome::{TRIAL_SCHEMA, TrialResult};
 use crate::settings::Settings;
+use crate::trajectory::{self, TrajectoryFile};
 use grip_manip::grasp::GraspFile;
 use grip_perception::DetectorDescription;
 use grip_sim::bop;
@@ -62,6 +63,8 @@ pub fn all() -> Vec<(&'static str, Value)> {
         ("campaign", written::<campaign::Manifest>(Some(campaign::manifest::SCHEMA))),
         ("campaign-unit", written::<unit::DoneFile>(Some(unit::SCHEMA))),
         ("campaign-failed", written::<unit::FailedFile>(Some(unit::FAILED_SCHEMA))),
+        // A planned motion.
+        ("trajectory", written::<TrajectoryFile>(Some(trajectory::SCHEMA))),
         // Data sets.
         ("dataset", written::<dataset::Plan>(Some(dataset::SCHEMA))),
         ("dataset-scene", written::<dataset::SceneFile<'_>>(Some(dataset::SCENE_SCHEMA))),

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use anyhow::Result;
 use grip_sim::bop::Dataset;
-use grip_sim::images::RgbImage;
+use grip_sim::images::{DepthImage, RgbImage};
 use image::imageops::{self, FilterType};
 use rayon::prelude::*;
 
@@ -69,9 +69,22 @@ fn cell(dataset: &Dataset, scene: u32, image: u32, name: &str) -> Result<[RgbIma
     pictures::write_text(&mut rgb, name);
     Ok([
         rgb,
-        small(&pictures::depth_color(&frame.depth), FilterType::Nearest),
+        pictures::depth_picture(&smaller(&frame.depth, WIDTH, height)),
         small(&masks, FilterType::Nearest),
     ])
+}
+
+/// Every so many readings of a depth image, as they are: means of near and far would be depths of nothing.
+fn smaller(depth: &DepthImage, width: u32, height: u32) -> DepthImage {
+    let mut small = DepthImage::filled(width as usize, height as usize, 0.0);
+    let from =
+        |i: usize, small: u32, large: usize| ((2 * i + 1) * large / (2 * small as usize)).min(large - 1);
+    for v in 0..height as usize {
+        for u in 0..width as usize {
+            *small.at_mut(u, v) = *depth.at(from(u, width, depth.width()), from(v, height, depth.height()));
+        }
+    }
+    small
 }
 
 /// The names in our own `scene_info.json`; other sets have none.

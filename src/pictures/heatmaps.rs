@@ -5,7 +5,7 @@ use grip_sim::images::RgbImage;
 use image::imageops::{self, FilterType};
 use noto_sans_mono_bitmap::{FontWeight, RasterHeight};
 
-use super::{color, draw_text, fill, sheet, text_width};
+use super::{color, draw_text, fill, sheet, text_width, write_text};
 
 /// Width of a picture of the sheet, pixels.
 const WIDTH: u32 = 320;
@@ -33,16 +33,10 @@ pub fn heatmaps(rgb: &RgbImage, maps: &HeatMaps, boxes: &[(usize, Detection)]) -
             pixel.0 = [c.r, c.g, c.b].map(|x| ((1.0 - heat) * luma + heat * f32::from(x)) as u8);
         }
         let most = maps.levels().iter().flat_map(|map| map.class(class)).fold(0.0_f32, |a, b| a.max(*b));
-        caption(&mut picture, &format!("{} {most:.3}", object.name));
+        write_text(&mut picture, &format!("{} {most:.3}", object.name));
         pictures.push(picture);
     }
     sheet(&pictures, COLUMNS)
-}
-
-fn caption(picture: &mut RgbImage, text: &str) {
-    const HEIGHT: RasterHeight = RasterHeight::Size16;
-    fill(picture, [0, 0], [text_width(text, HEIGHT), HEIGHT.val() as u32], [0; 3]);
-    draw_text(picture, [0, 0], text, HEIGHT, FontWeight::Regular, [255; 3]);
 }
 
 /// The largest probability of a class at a pixel of the image, over the levels.
@@ -71,13 +65,9 @@ fn with_boxes(small: &RgbImage, zoom: f64, maps: &HeatMaps, boxes: &[(usize, Det
         let name = &maps.description().objects[class - 1].name;
         let number = name.split('_').next().unwrap_or(name);
         let text = format!("{number} {:.2}", detection.confidence);
-        let above = [u0, v0.saturating_sub(RasterHeight::Size16.val() as u32)];
-        fill(
-            &mut picture,
-            above,
-            [text_width(&text, RasterHeight::Size16), RasterHeight::Size16.val() as u32],
-            line,
-        );
+        let size = [text_width(&text, RasterHeight::Size16), RasterHeight::Size16.val() as u32];
+        let above = [u0.min(picture.width().saturating_sub(size[0])), v0.saturating_sub(size[1])];
+        fill(&mut picture, above, size, line);
         draw_text(&mut picture, above, &text, RasterHeight::Size16, FontWeight::Bold, [0; 3]);
     }
     picture

@@ -39,7 +39,7 @@ use nalgebra::Point3;
 
 use self::belief::Belief;
 pub use self::choose::Choice;
-use self::film::{Film, Strip};
+use self::film::{BeforeAfter, Film, Strip};
 pub use self::look::Seen;
 use self::port::TrialObserver;
 pub(crate) use self::port::{SharedWorld, WorldPort};
@@ -98,11 +98,13 @@ pub struct TrialRecord {
     pub looks: Vec<LookPictures>,
     /// What it depended on.
     pub scenario: Scenario,
-    /// The scene after the last action.
+    /// The scene after the last action, as the head camera sees it.
     pub after: Option<RgbImage>,
+    /// The scene from outside at the start and at the end.
+    pub before_after: Option<BeforeAfter>,
     /// Each attempt from outside.
     pub strips: Vec<Strip>,
-    /// The animated replay, a GIF.
+    /// The animated replay, a PNG.
     pub replay: Option<Vec<u8>>,
     /// What was recorded, if it was to be kept.
     pub recording: Option<Recording>,
@@ -239,7 +241,7 @@ impl<'a> Trial<'a> {
         let scenario = Scenario::new(setup, estimator, grasps, items, renderer.name())?;
         let recorder = Recorder::new(setup, options.record);
         Ok(Self {
-            film: Film::new(setup, options.pictures == Pictures::All { record: true }),
+            film: Film::new(setup, &world, options.pictures),
             setup,
             estimator,
             planner,
@@ -332,7 +334,10 @@ impl<'a> Trial<'a> {
         record.peak_force_n = record.peak_force_n.max(peak_force_n);
         record.failure = None;
         match failure_of(&report) {
-            Some((outcome, stage, reason)) => record.fail_attempt(outcome, stage, reason),
+            Some((outcome, stage, reason)) => {
+                self.film.failed(&self.world, outcome, &reason);
+                record.fail_attempt(outcome, stage, reason);
+            }
             None => record.believed_packed = Some(choice.plan.world_from_object_placed()),
         }
         let (failed, released) = (record.failure.is_some(), record.believed_packed);
@@ -356,7 +361,7 @@ impl<'a> Trial<'a> {
         let attempt = Attempt { object: i, locations: self.locations(), poses: self.world.poses() };
         let name = self.name(i);
         self.world.reset_peaks();
-        self.film.begin(&self.world, &name);
+        self.film.begin(&self.world, self.bodies.of(i), &name, false);
         self.recorder.begins(action, self.bodies.of(i), (self.setup, &self.world), steps);
         let shared = SharedWorld::new(&mut self.world);
         let mut observer = TrialObserver {
@@ -387,7 +392,7 @@ impl<'a> Trial<'a> {
         let settings = &self.setup.settings;
         let hand = self.setup.cell.config.gripper.link;
         let monitor = Some(GraspMonitor::begin(&self.world, self.bodies.of(i), hand, &settings.success));
-        self.film.begin(&self.world, &self.name(i));
+        self.film.begin(&self.world, self.bodies.of(i), &self.name(i), true);
         self.recorder.begins(Action::Pack, self.bodies.of(i), (self.setup, &self.world), &plan.steps);
         let shared = SharedWorld::new(&mut self.world);
         let mut observer = TrialObserver {
@@ -585,7 +590,11 @@ impl<'a> Trial<'a> {
         let strips = match self.options.pictures {
             Pictures::None => Vec::new(),
             Pictures::FilmOfFailures if packed == self.items => Vec::new(),
-            _ => film.strips(renderer, progress)?,
+            _ => film.strips(&world, &items, renderer, progress)?,
+        };
+        let before_after = match self.options.pictures {
+            Pictures::All { .. } => film.before_after(&world, renderer)?,
+            _ => None,
         };
         let replay = film.replay(renderer, progress)?;
         let timing =
@@ -634,6 +643,7 @@ impl<'a> Trial<'a> {
             scenario: self.scenario,
             looks: self.looks,
             after,
+            before_after,
             strips,
             replay,
             recording,

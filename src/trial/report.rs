@@ -6,9 +6,12 @@ use anyhow::Result;
 use grip_sim::images::{DepthImage, RgbImage};
 use grip_sim::pose::{Camera, Pose, World};
 
+use image::imageops::{self, FilterType};
+
 use super::TrialRecord;
+use super::film::BeforeAfter;
 use crate::html::{self, escape, picture};
-use crate::pictures;
+use crate::pictures::{self, Tone};
 use crate::record::{Recording, viewer};
 use crate::score::outcome::{ItemResult, ItemTiming, Outcome, TrialResult};
 
@@ -29,12 +32,55 @@ pub struct LookPictures {
     pub world_from_camera: Pose<World, Camera>,
 }
 
+impl LookPictures {
+    /// What a person looks at, each with its caption: colour, the same brightened if it is dark, depth, estimated poses.
+    pub fn pictures(&self) -> Vec<(String, RgbImage)> {
+        let mut shown = vec![("what the camera saw".to_owned(), self.rgb.clone())];
+        let depth = ("depth, black where there is none".to_owned(), pictures::depth_picture(&self.depth));
+        match pictures::brightened(&self.rgb) {
+            None => shown.extend([depth, ("estimated poses".to_owned(), self.overlay.clone())]),
+            Some((bright, gain)) => {
+                let marked = pictures::marks_on(&bright, &self.rgb, &self.overlay);
+                shown.push((format!("the same, brightened {gain:.0} times for people"), bright));
+                shown.extend([depth, ("estimated poses, on the brightened picture".to_owned(), marked)]);
+            }
+        }
+        shown
+    }
+}
+
+/// summary.png: the scene before and after, the first look, and what the fingers did first; none without pictures.
+pub fn summary(trial: &TrialRecord) -> Option<RgbImage> {
+    let (BeforeAfter { before, after }, first) = (trial.before_after.as_ref()?, trial.looks.first()?);
+    let captioned =
+        |(caption, picture): &(String, RgbImage)| pictures::captioned(picture, caption, Tone::Plain);
+    let result = &trial.result;
+    let whole = [
+        ("before".to_owned(), before.clone()),
+        (format!("after: {} of {} packed", result.packed, result.requested), after.clone()),
+    ];
+    let [before, after] = whole.each_ref().map(captioned);
+    let look: Vec<RgbImage> = first.pictures().iter().map(captioned).collect();
+    let mut cells = vec![before];
+    cells.extend(look.iter().take(2).cloned());
+    cells.push(after);
+    cells.extend(look.into_iter().skip(2));
+    // A look in the dark has one picture more.
+    let contact = trial.strips.iter().find_map(|strip| Some((strip, strip.shots.get(1)?)));
+    if let Some((strip, shot)) = contact.filter(|_| cells.len() < 6) {
+        let [width, height] = [first.rgb.width(), first.rgb.height()];
+        let shown = imageops::resize(&shot.picture, width, height, FilterType::CatmullRom);
+        cells.push(captioned(&(format!("{}, {}", strip.object, shot.caption), shown)));
+    }
+    Some(pictures::sheet(&cells, 3))
+}
+
 /// The page.
 ///
 /// # Errors
 /// When a picture cannot be encoded.
 pub fn html(trial: &TrialRecord) -> Result<String> {
-    let TrialRecord { result, looks, after, strips, replay, recording, .. } = trial;
+    let TrialRecord { result, looks, before_after, strips, replay, recording, .. } = trial;
     let (wall_s, times) = result.timing.as_ref().map_or((0.0, [].as_slice()), |t| (t.wall_s, &t.items));
     let mut page = String::new();
     let TrialResult { packed, requested, scene, condition, seed, renderer, .. } = result;
@@ -71,9 +117,9 @@ pub fn html(trial: &TrialRecord) -> Result<String> {
             escape(&reasons.join("; "))
         );
     }
-    if let (Some(first), Some(after)) = (looks.first(), after) {
+    if let Some(BeforeAfter { before, after }) = before_after {
         page.push_str("<h2>Before and after</h2><div class=look>");
-        figure(&mut page, &first.rgb, "the scene at the start")?;
+        figure(&mut page, before, "the scene at the start")?;
         figure(&mut page, after, "the scene at the end")?;
         page.push_str("</div>");
     }
@@ -81,28 +127,29 @@ pub fn html(trial: &TrialRecord) -> Result<String> {
         page.push_str("<h2>Replay</h2>");
         page.push_str(&viewer::html(glb));
     }
-    if let Some(gif) = replay {
+    if let Some(animation) = replay {
         page.push_str("<h2>Animation</h2><div class=look>");
-        picture(&mut page, "image/gif", gif, "four times as fast");
+        picture(&mut page, "image/png", animation, "four times as fast");
         page.push_str("</div>");
     }
     if !strips.is_empty() {
-        page.push_str("<h2>Attempts</h2>");
+        page.push_str(
+            "<h2>Attempts</h2><p>Arrows are the forces of the right (magenta) and the left finger (cyan) on the object.</p>",
+        );
     }
     for strip in strips {
-        page.push_str("<div class=strip>");
-        for (k, (name, shot)) in strip.pictures.iter().enumerate() {
-            let caption = if k == 0 { format!("{}: {name}", strip.object) } else { (*name).to_string() };
-            picture(&mut page, "image/jpeg", &pictures::jpeg(shot)?, &escape(&caption));
+        let class = if strip.failed { "bad" } else { "ok" };
+        let _ = write!(page, "<h3 class={class}>{}</h3><div class=strip>", escape(&strip.title));
+        for shot in &strip.shots {
+            picture(&mut page, "image/jpeg", &pictures::jpeg(&shot.picture)?, &escape(&shot.caption));
         }
         page.push_str("</div>");
     }
     for (i, look) in looks.iter().enumerate() {
         let _ = write!(page, "<h2>Look {}: {}</h2><div class=look>", i + 1, escape(&look.caption));
-        figure(&mut page, &look.rgb, "colour")?;
-        let depth = pictures::depth_color(&look.depth);
-        figure(&mut page, &depth, "depth, near yellow to far blue, black no reading")?;
-        figure(&mut page, &look.overlay, "estimated poses")?;
+        for (caption, image) in look.pictures() {
+            figure(&mut page, &image, &caption)?;
+        }
         page.push_str("</div>");
     }
     page.push_str("</html>\n");

@@ -158,13 +158,43 @@ fn grasps_that_one_command_saves_the_other_uses_and_a_replay_shows_it() {
     let item = &result["items"][0];
     let (blow, harmless) = (&item["peak_impulse_n_s"], &item["harmless_impulse_n_s"]);
     assert!(blow.as_f64().unwrap() > 0.0 && blow.as_f64() < harmless.as_f64(), "{item}");
-    // Four pictures of the attempt in one row, and some fifteen seconds four times as fast.
+    // A title, four pictures of the attempt in one row with captions, and some fifteen seconds four times as fast.
     let strip = image::open(folder.path().join("run/film.jpg")).unwrap();
-    assert_eq!((strip.width(), strip.height()), (4 * 400 + 3 * 6, 300));
-    let replay = std::fs::read(folder.path().join("run/replay.gif")).unwrap();
-    assert!(replay.starts_with(b"GIF89a") && replay.len() > 50_000 && replay.len() < 2_000_000);
+    assert_eq!((strip.width(), strip.height()), (4 * 480 + 3 * 6, 30 + 6 + 360 + 30));
+    let file = std::io::BufReader::new(std::fs::File::open(folder.path().join("run/replay.png")).unwrap());
+    let replay = png::Decoder::new(file).read_info().unwrap();
+    let frames = replay.info().animation_control.unwrap().num_frames;
+    assert_eq!((replay.info().width, replay.info().height), (640, 480));
+    assert!((20..80).contains(&frames), "{frames}");
     let page = std::fs::read_to_string(folder.path().join("run/report.html")).unwrap();
-    assert!(page.contains("data:image/gif") && page.contains("004_sugar_box: before"));
+    assert!(page.contains("data:image/png") && page.contains("004_sugar_box: packed"));
+    // Both fingers press when the hand has closed, and the picture says how much.
+    let (_, contact) = page.split_once("<figcaption>contact: ").unwrap();
+    let forces: Vec<f64> = contact
+        .split_once("</figcaption>")
+        .unwrap()
+        .0
+        .split(", ")
+        .map(|force| force.trim_end_matches(" N").parse().unwrap())
+        .collect();
+    assert!(forces.len() == 2 && forces.iter().all(|newtons| (1.0..200.0).contains(newtons)), "{forces:?}");
+}
+
+#[test]
+fn in_the_dark_there_is_a_picture_for_people_beside_the_true_one() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("run");
+    let args = ["--estimator", "truth", "--items", "1", "--condition", "dark", "--renderer", "cpu", "--out"];
+    let output = common::grip(&[&["pack"], &args[..], &[out.to_str().unwrap()]].concat());
+    assert!(code(&output) < 2, "{}", stderr(&output));
+    let mean = |name: &str| {
+        let picture = image::open(out.join(name)).unwrap().into_rgb8();
+        picture.iter().map(|&c| f64::from(c)).sum::<f64>() / picture.len() as f64
+    };
+    let [dark, bright] = ["frames/00_rgb.png", "frames/00_bright.png"].map(mean);
+    assert!(dark < 20.0 && bright > 4.0 * dark, "{dark} {bright}");
+    let page = std::fs::read_to_string(out.join("report.html")).unwrap();
+    assert!(page.contains("times for people"));
 }
 
 #[test]

@@ -139,7 +139,11 @@ fn files_keep_to_their_schemas() {
 
     problem(&tour.folder, "0001", [0.75, 0.0], REQUEST);
     let problems = tour.folder.to_str().unwrap().to_owned();
-    tour.prints("plan", &["plan", &problems]);
+    let planned = tour.path("planned");
+    tour.prints("plan", &["plan", &problems, "--out", &planned]);
+    tour.has("plan", &Path::new(&planned).join("plan.json"));
+    let of_set = Path::new(&planned).join(tour.folder.file_name().unwrap());
+    tour.has("trajectory", &of_set.join("0001.json"));
 
     // A data set and what is made of it.
     let set = tour.path("set");
