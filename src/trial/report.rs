@@ -168,7 +168,7 @@ fn items_table(page: &mut String, items: &[ItemResult], times: &[ItemTiming]) {
         let mm = |metres: Option<f64>| metres.map_or("–".to_string(), |m| format!("{:.1}", m * 1e3));
         let _ = write!(
             page,
-            "<tr><td><span class=key style='background:rgb({r},{g},{b})'></span>{}<td class={class}>{}<td>{:?}<td>{}\
+            "<tr><td class=w><span class=key style='background:rgb({r},{g},{b})'></span>{}<td class={class}>{}<td>{:?}<td>{}\
              <td class=n>{}<td class=n>{}<td class=n>{}<td class=n>{}<td class=n>{:.0}<td class=n>{:.2}<td class=n>{:.2}<td>{}</tr>",
             escape(&item.name()),
             item.outcome.words(),
