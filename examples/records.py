@@ -13,6 +13,7 @@ items, attempts, estimates = (
     for name in ("items", "attempts", "estimates"))
 
 cells = items.groupby(KEY).packed.agg(items="size", packed="sum", share="mean")
+cells["auc"] = items.groupby(KEY).adds_m.apply(lambda e: (1 - e / 0.04).clip(0).fillna(0).mean())  # Of ADD-S up to 40 mm.
 cells["full"] = items.groupby(KEY + ["seed"]).packed.all().groupby(KEY).sum()
 print(cells.reset_index().to_csv(index=False))
 

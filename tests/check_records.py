@@ -1,6 +1,6 @@
 """examples/records.py says of recordings what the report and the results say: exactly.
 
-Usage: check_records.py SCRIPT EXPERIMENT REPORT.trials.csv
+Usage: check_records.py SCRIPT EXPERIMENT REPORT.html
 """
 
 import csv
@@ -15,12 +15,15 @@ assert len([line for line in script.read_text().splitlines() if line.strip()]) <
 said = subprocess.run([sys.executable, "-B", script, experiment], check=True, capture_output=True, text=True).stdout
 cells, first = (list(csv.DictReader(io.StringIO(text))) for text in said.split("\n\n")[:2])
 
-reported = list(csv.DictReader(report.open()))
+reported = list(csv.DictReader(report.with_suffix(".trials.csv").open()))
+page = report.read_text()
 assert len(cells) == len(reported) == 2
 for ours, theirs in zip(cells, reported):
     for name in ("scene", "condition", "estimator", "grasper", "items", "packed", "full"):
         assert ours[name] == theirs[name], (name, ours, theirs)
     assert float(ours["share"]) == float(theirs["share"])
+    if ours["estimator"] != "truth":
+        assert f"{ours['estimator']}: AUC {100 * float(ours['auc']):.1f}" in page, ours
 
 trials = [json.loads(line) for line in (experiment / "trials.jsonl").read_text().splitlines()]
 scored = {}
