@@ -51,8 +51,11 @@ fn a_trial_is_recorded_as_mcap_and_converted_to_the_same_bytes() {
     let events = path("events");
     pack("events", &events);
     refused(&events, &converted, &["record.json", "level events", "--record full"]);
-    std::fs::write(record.join("looks/00_depth.png"), "no picture").unwrap();
-    refused(&run, &converted, &["00_depth.png"]);
+    let picture = record.join("looks/00_depth.png");
+    let saved = std::fs::read(&picture).unwrap();
+    std::fs::write(&picture, "no picture").unwrap();
+    refused(&run, &converted, &["00_depth.png", "cannot be read as a picture"]);
+    std::fs::write(&picture, saved).unwrap();
     std::fs::write(record.join("poses.parquet"), "no table").unwrap();
     refused(&run, &converted, &["poses.parquet", "damaged"]);
     std::fs::remove_file(record.join("poses.parquet")).unwrap();

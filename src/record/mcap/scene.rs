@@ -151,7 +151,7 @@ fn plans(source: &Source, models: &Models<'_>, out: &mut Out) -> Result<()> {
             .filter(|(of, _)| **of == numbers[row])
             .map(|(_, hand)| (*hand).into())
             .collect();
-        let mut entities = vec![line("plan/way", LineType::LineStrip, &way, vec![], WAY)];
+        let mut entities = vec![line("plan/way", LineType::Strip, &way, vec![], WAY)];
         let plan = (0..plans.rows).rev().find(|&n| {
             found[n]
                 && (plan_looks[n], plan_instances[n]) == (look, instance)
@@ -209,7 +209,7 @@ fn axes(id: &str, at: &Isometry3<f64>) -> SceneEntity {
         tint[axis] = 0.9;
         colors.extend([color(tint), color(tint)]);
     }
-    line(id, LineType::LineList, &points, colors, [1.0; 4])
+    line(id, LineType::List, &points, colors, [1.0; 4])
 }
 
 /// An arrow for what each body does to an object at a moment: normal force and friction together, from where they act.

@@ -257,7 +257,7 @@ enumerations! {
         Float32 = "FLOAT32", Float64 = "FLOAT64",
     }
     LineType as "foxglove.LinePrimitive.Type" {
-        LineStrip = "LINE_STRIP", LineLoop = "LINE_LOOP", LineList = "LINE_LIST",
+        Strip = "LINE_STRIP", Loop = "LINE_LOOP", List = "LINE_LIST",
     }
     DeletionType as "foxglove.SceneEntityDeletion.Type" {
         MatchingId = "MATCHING_ID", All = "ALL",
