@@ -266,7 +266,7 @@ def report(
     r"""Make a page, and CSV files, of experiments, sweeps and single runs.
 
     Args:
-        sources: Folders that trials, merge, sweep and pack have made, and figures (SVG) to show with them.
+        sources: Folders that trials, merge, sweep, campaign and pack have made, and figures (SVG) to show with them.
         out: The page; CSV files get its name. Default: runs/report.html.
         progress: Whether to show a bar, which needs tqdm. Default: where tqdm is installed.
 
