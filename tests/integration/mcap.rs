@@ -56,6 +56,11 @@ fn a_trial_is_recorded_as_mcap_and_converted_to_the_same_bytes() {
     std::fs::write(&picture, "no picture").unwrap();
     refused(&run, &converted, &["00_depth.png", "cannot be read as a picture"]);
     std::fs::write(&picture, saved).unwrap();
+    let replay = record.join("replay.glb");
+    let saved = std::fs::read(&replay).unwrap();
+    std::fs::write(&replay, &saved[..saved.len() / 2]).unwrap();
+    refused(&run, &converted, &["run", "replay.glb", "record it again"]);
+    std::fs::write(&replay, saved).unwrap();
     std::fs::write(record.join("poses.parquet"), "no table").unwrap();
     refused(&run, &converted, &["poses.parquet", "damaged"]);
     std::fs::remove_file(record.join("poses.parquet")).unwrap();

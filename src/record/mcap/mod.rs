@@ -54,13 +54,7 @@ const CAMERA: &str = "camera/optical";
 pub fn bytes(folder: &Path) -> Result<Vec<u8>> {
     let source = Source::read(folder)?;
     let mut out = Out::default();
-    {
-        let models = Models::read(&source.replay)?;
-        motion::tell(&source, &mut out)?;
-        camera::tell(&source, &models, &mut out)?;
-        scene::tell(&source, &models, &mut out)?;
-        log::tell(&source, &mut out)?;
-    }
+    tell(&source, &mut out).with_context(|| folder.display().to_string())?;
     let about = &source.about;
     let about = [
         ("schema", about.schema.clone()),
@@ -72,6 +66,15 @@ pub fn bytes(folder: &Path) -> Result<Vec<u8>> {
         ("grasper", about.grasper.clone()),
     ];
     out.finish(about.map(|(key, value)| (key.to_owned(), value)).into()).context("MCAP")
+}
+
+/// Says everything.
+fn tell(source: &Source, out: &mut Out) -> Result<()> {
+    let models = Models::read(&source.replay)?;
+    motion::tell(source, out)?;
+    camera::tell(source, &models, out)?;
+    scene::tell(source, &models, out)?;
+    log::tell(source, out)
 }
 
 /// Writes that file, whole or not at all.
