@@ -43,7 +43,7 @@ def pack(
     grasps: Optional[Path] = None,
     items: Optional[int] = None,
     out: Optional[Path] = None,
-    record: Optional[Literal["none", "failures", "events", "full"]] = None,
+    record: Optional[Literal["none", "failures", "events", "full", "mcap"]] = None,
     record_rate: Optional[int] = None,
     animation: bool = False,
     bop: bool = False,
@@ -124,7 +124,7 @@ def trials(
     jobs: Optional[int] = None,
     resume: bool = False,
     shard: Optional[str] = None,
-    record: Optional[Literal["none", "failures", "events", "full"]] = None,
+    record: Optional[Literal["none", "failures", "events", "full", "mcap"]] = None,
     record_rate: Optional[int] = None,
     progress: Optional[bool] = None,
 ) -> Trials:
@@ -716,6 +716,27 @@ def export(
     """
     options = {key: value for key, value in locals().items() if key != "progress" and value is not False}
     _results.of("export", options, *_run("export", options, progress))
+
+
+def convert(
+    recording: Path,
+    *,
+    out: Path,
+    progress: Optional[bool] = None,
+) -> None:
+    r"""Make one MCAP file of a recording, for Foxglove, Rerun and whatever else reads that.
+
+    Args:
+        recording: A recording at level full: the folder record/ of a run, the run's folder, or a folder in records/ of an
+            experiment.
+        out: The MCAP file (docs/mcap.md); an earlier one is replaced.
+        progress: Whether to show a bar, which needs tqdm. Default: where tqdm is installed.
+
+    Raises:
+        Error: With the text that the command prints.
+    """
+    options = {key: value for key, value in locals().items() if key != "progress" and value is not False}
+    _results.of("convert", options, *_run("convert", options, progress))
 
 
 def robot(

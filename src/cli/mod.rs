@@ -78,6 +78,8 @@ pub enum Command {
     Grasps(GraspsArgs),
     /// Write a settled scene for another program: MuJoCo's MJCF.
     Export(ExportArgs),
+    /// Make one MCAP file of a recording, for Foxglove, Rerun and whatever else reads that.
+    Convert(ConvertArgs),
     /// List the objects and the set that is in use, or add objects of your own.
     Objects(ObjectsArgs),
     /// Show the robot: what was loaded, joints, limits.
@@ -302,6 +304,17 @@ pub struct ExportArgs {
     pub hand: bool,
 }
 
+/// `grip convert`.
+#[derive(Debug, Args)]
+pub struct ConvertArgs {
+    /// A recording at level full: the folder record/ of a run, the run's folder, or a folder in records/ of an experiment.
+    #[arg(value_name = "RECORDING")]
+    pub recording: PathBuf,
+    /// The MCAP file (docs/mcap.md); an earlier one is replaced.
+    #[arg(long, value_name = "FILE")]
+    pub out: PathBuf,
+}
+
 /// `grip grasps`.
 #[derive(Debug, Args)]
 pub struct GraspsArgs {
@@ -373,6 +386,8 @@ pub enum Recorded {
     Events,
     /// And the poses of all bodies, all contacts, what the camera saw, and all of it as an animated scene (glTF).
     Full,
+    /// And all of it as one file for Foxglove and Rerun (docs/mcap.md).
+    Mcap,
 }
 
 impl Recorded {
@@ -383,6 +398,7 @@ impl Recorded {
             Self::Failures => Level::Failures,
             Self::Events => Level::Events,
             Self::Full => Level::Full,
+            Self::Mcap => Level::Mcap,
         };
         RecordOptions { level, rate_hz: f64::from(rate.record_rate) }
     }

@@ -15,7 +15,7 @@ use crate::estimators::{EstimatorKind, NetworkChoice};
 use crate::graspers::GrasperKind;
 
 /// The functions: a verb, its name where that is another, and what it returns.
-const VERBS: [(&str, &str, &str); 17] = [
+const VERBS: [(&str, &str, &str); 18] = [
     ("pack", "pack", "Trial"),
     ("trials", "trials", "Trials"),
     ("merge", "merge", "Trials"),
@@ -31,6 +31,7 @@ const VERBS: [(&str, &str, &str); 17] = [
     ("convergence", "convergence", "dict[str, Any]"),
     ("grasps", "grasps", "Any"),
     ("export", "export", "None"),
+    ("convert", "convert", "None"),
     ("robot", "robot", "dict[str, Any]"),
     ("init", "init", "None"),
 ];

@@ -5,6 +5,7 @@
 
 mod campaign;
 mod convergence;
+mod convert;
 mod detect;
 mod estimate;
 mod eval;
@@ -183,6 +184,7 @@ fn run(cli: Cli) -> anyhow::Result<Done> {
         Command::Convergence(args) => convergence::run(&args),
         Command::Grasps(args) => grasps::run(&args),
         Command::Export(args) => export::run(&args),
+        Command::Convert(args) => convert::run(&args),
         Command::Objects(args) => objects::run(&args),
         Command::Robot(args) => robot::run(&args),
         Command::Init(args) => init::run(&args),

@@ -148,6 +148,7 @@ fn save(run: &RunDir, trial: &TrialRecord) -> Result<()> {
         for (name, content) in recording.files()? {
             run.write(&format!("{RECORD}/{name}"), content)?;
         }
+        recording.add_mcap(&run.folder(RECORD)?)?;
     }
     run.write("report.html", report::html(trial)?)
 }

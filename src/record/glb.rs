@@ -163,22 +163,7 @@ impl Glb {
             root.insert("animations".into(), json!([animation]));
         }
         root.insert("buffers".into(), json!([{ "byteLength": self.bytes.len() }]));
-        let mut text = serde_json::to_vec(&Value::Object(root))?;
-        while !text.len().is_multiple_of(4) {
-            text.push(b' ');
-        }
-        let total = 12 + 8 + text.len() + 8 + self.bytes.len();
-        let mut file = Vec::with_capacity(total);
-        file.extend_from_slice(b"glTF");
-        file.extend_from_slice(&2u32.to_le_bytes());
-        file.extend_from_slice(&u32::try_from(total)?.to_le_bytes());
-        file.extend_from_slice(&(text.len() as u32).to_le_bytes());
-        file.extend_from_slice(b"JSON");
-        file.extend_from_slice(&text);
-        file.extend_from_slice(&(self.bytes.len() as u32).to_le_bytes());
-        file.extend_from_slice(b"BIN\0");
-        file.extend_from_slice(&self.bytes);
-        Ok(file)
+        binary(&Value::Object(root), self.bytes)
     }
 
     fn body(&mut self, name: &str, parts: &Parts, tint: Option<Tint>) -> Result<usize> {
@@ -360,6 +345,29 @@ impl Glb {
         self.views.push(view);
         self.views.len() - 1
     }
+}
+
+/// A file of this JSON and its buffer.
+///
+/// # Errors
+/// When the JSON cannot be written.
+pub fn binary(root: &Value, mut bytes: Vec<u8>) -> Result<Vec<u8>> {
+    let mut text = serde_json::to_vec(root)?;
+    for (chunk, fill) in [(&mut text, b' '), (&mut bytes, 0)] {
+        chunk.resize(chunk.len().next_multiple_of(4), fill);
+    }
+    let total = 12 + 8 + text.len() + 8 + bytes.len();
+    let mut file = Vec::with_capacity(total);
+    file.extend_from_slice(b"glTF");
+    file.extend_from_slice(&2u32.to_le_bytes());
+    file.extend_from_slice(&u32::try_from(total)?.to_le_bytes());
+    file.extend_from_slice(&(text.len() as u32).to_le_bytes());
+    file.extend_from_slice(b"JSON");
+    file.extend_from_slice(&text);
+    file.extend_from_slice(&(bytes.len() as u32).to_le_bytes());
+    file.extend_from_slice(b"BIN\0");
+    file.extend_from_slice(&bytes);
+    Ok(file)
 }
 
 /// Of sRGB, 0 to 1.

@@ -7,10 +7,12 @@
 //! | `replay`, `glb` | the trial as an animated scene in glTF |
 //! | `viewer` | that scene in a page, to be turned and scrubbed |
 //! | `save` | the folder of a recording: events.jsonl, Parquet tables, pictures |
+//! | `mcap` | such a folder as one file for Foxglove and Rerun |
 //!
 //! A recorder only reads: with it or without, a trial's result is the same to the bit.
 
 mod glb;
+pub mod mcap;
 mod recorder;
 mod replay;
 pub mod rows;
@@ -37,11 +39,13 @@ pub enum Level {
     Events,
     /// And the poses of all bodies, all contacts, and what the camera saw.
     Full,
+    /// And all of that as one file, MCAP.
+    Mcap,
 }
 
 impl Level {
     /// All, in their order.
-    pub const ALL: [Self; 4] = [Self::None, Self::Failures, Self::Events, Self::Full];
+    pub const ALL: [Self; 5] = [Self::None, Self::Failures, Self::Events, Self::Full, Self::Mcap];
 
     /// Its name.
     pub fn name(self) -> &'static str {
@@ -50,6 +54,7 @@ impl Level {
             Self::Failures => "failures",
             Self::Events => "events",
             Self::Full => "full",
+            Self::Mcap => "mcap",
         }
     }
 }

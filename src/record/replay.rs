@@ -160,6 +160,7 @@ fn isometry(place: &Place) -> Isometry3<f64> {
     Isometry3::from_parts(Translation3::new(place.x, place.y, place.z), rotation)
 }
 
-fn numbered(name: &str, instance: i64) -> String {
+/// An object's name, with its number where it is not the first of that name.
+pub(super) fn numbered(name: &str, instance: i64) -> String {
     if instance == 1 { name.to_owned() } else { format!("{name} ({instance})") }
 }

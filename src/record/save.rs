@@ -9,8 +9,8 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::recorder::{Event, Recorder};
-use super::replay;
 use super::rows::{Attempt, Estimate, Look, Plan, Rest, Row, Step};
+use super::{Level, mcap, replay};
 use crate::experiment::items;
 use crate::pictures;
 use crate::score::outcome::TrialResult;
@@ -23,6 +23,7 @@ pub const SCHEMA: &str = "grip.record/1";
 
 /// record.json: what was recorded, and how.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
 pub struct RecordFile {
     /// [`SCHEMA`].
     pub schema: String,
@@ -145,7 +146,19 @@ impl Recording {
             std::fs::create_dir_all(path.parent().unwrap_or(building.path())).with_context(cannot)?;
             std::fs::write(path, content).with_context(cannot)?;
         }
+        self.add_mcap(building.path())?;
         building.move_to(folder).with_context(cannot)
+    }
+
+    /// Adds the same as one file to the folder where all files are, if that is to be kept.
+    ///
+    /// # Errors
+    /// When it cannot be written.
+    pub fn add_mcap(&self, folder: &Path) -> Result<()> {
+        if self.recorder.options.level < Level::Mcap {
+            return Ok(());
+        }
+        mcap::write(folder, &folder.join(mcap::FILE))
     }
 
     /// A table with the trial before its own columns and `more` behind them.

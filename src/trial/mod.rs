@@ -634,7 +634,7 @@ impl<'a> Trial<'a> {
         let keeps = match self.options.record.level {
             Level::None => false,
             Level::Failures => packed < self.items,
-            Level::Events | Level::Full => true,
+            Level::Events | Level::Full | Level::Mcap => true,
         };
         let recording =
             keeps.then(|| Recording::new(recorder, &result, setup.camera.intrinsics)).transpose()?;

@@ -18,6 +18,7 @@ mod golden;
 mod graspers;
 mod init;
 mod input;
+mod mcap;
 mod metrics;
 mod objects;
 #[cfg(unix)]
