@@ -175,7 +175,7 @@ rows! {
         camera: Option<Place>,
         /// Objects whose poses were asked for.
         asked: i64,
-        /// Objects that were believed to be where they were estimated.
+        /// Objects in the belief: those whose estimate was enough to act by, and those put into the bin.
         believed: i64,
         /// Depth readings that nothing believed explains: obstacles.
         unmodelled: i64,
