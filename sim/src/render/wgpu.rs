@@ -1,8 +1,8 @@
 //! The renderer for graphics adapters (Vulkan, Metal, DX12), without a window.
 //!
 //! The passes of a frame: shadow maps of all lights; geometry (depth, labels, angle of incidence, colour, normal) with
-//! exactly one sample at each pixel's centre; light on every pixel; three more samples of the geometry, from which edges
-//! are smoothed. Light comes after geometry because a software adapter shades small triangles by blocks of sixteen
+//! exactly one sample at each pixel's centre; how much of each light arrives at every pixel; light on every pixel; three
+//! more samples of the geometry, from which edges are smoothed. Light comes after geometry because a software adapter shades small triangles by blocks of sixteen
 //! pixels: this way each pixel is lit once. Everything is computed in the camera's frame, so that depth stays precise
 //! wherever in the world the robot stands.
 
@@ -339,6 +339,13 @@ impl WgpuRenderer {
         if new_geometry {
             let groups = [&frame, &targets.prepare_group];
             whole_picture(encoder, &self.pipelines.prepare, &targets.prepared, &groups);
+        }
+        if lights.count > 0 {
+            let shade = self.pipelines.shade(&self.gpu.device, lights);
+            whole_picture(encoder, shade, &targets.shares[0], &[&frame, &targets.shade_group]);
+            for (i, soften) in self.pipelines.soften.iter().enumerate() {
+                whole_picture(encoder, soften, &targets.shares[1 - i], &[&targets.soften_groups[i]]);
+            }
         }
         let lit = if self.smooth_edges { &targets.color } else { &targets.smooth };
         whole_picture(

@@ -2,19 +2,19 @@
 // Everything is in the camera's optical frame: x right, y down, z forward, metres.
 // The formulas are those of shading.rs, line by line.
 
-// How many lights there are, and whether any of their shadow maps is a cube.
+// How many lights there are.
 override LIGHT_COUNT: u32 = 4;
-override CUBES: bool = true;
 
 // Largest finite value of the half-float colour target, with room for sums.
 const MAX_LUMINANCE = 60000.0;
 
-@group(0) @binding(1) var shadow_maps: texture_depth_2d_array;
 @group(1) @binding(0) var seen_depth: texture_2d<f32>;
 @group(1) @binding(1) var seen_albedo: texture_2d<f32>;
 @group(1) @binding(2) var seen_normal: texture_2d<f32>;
 // See prepare.wgsl.
 @group(1) @binding(3) var prepared: texture_2d<f32>;
+// See shade.wgsl.
+@group(1) @binding(4) var shares: texture_2d<f32>;
 
 // Ambient light from below at a point: the floor's, and the table's as a disk that faces it.
 fn below_of(point: vec3f) -> vec3f {
@@ -55,102 +55,6 @@ fn ambient_gloss(specular: vec3f, roughness: f32, n_v: f32) -> vec3f {
     return specular * (r.z - 1.04 * a) + (r.w + 1.04 * a);
 }
 
-// Which face of a cube of views about a light looks towards `v`: +x -x +y -y +z -z.
-fn cube_face(v: vec3f) -> u32 {
-    let a = abs(v);
-    if a.x >= a.y && a.x >= a.z {
-        return select(1u, 0u, v.x > 0.0);
-    }
-    if a.y >= a.z {
-        return select(3u, 2u, v.y > 0.0);
-    }
-    return select(5u, 4u, v.z > 0.0);
-}
-
-const SEARCH_TAPS = 6;
-const SHADOW_TAPS = 10;
-// Nothing that casts a shadow stands farther from where it falls than this share of the light's distance.
-const NEAREST_BLOCKER = 0.7;
-
-// A surface as one view of a shadow map sees it.
-struct Receiver {
-    layer: u32,
-    // Side of the map, texels, and texels a unit of x/z.
-    size: f32,
-    scale: f32,
-    // Where the point falls, texels from the middle.
-    center: vec2f,
-    // Its inverse depth, and that of its plane at (x/z, y/z): linear in both.
-    inverse: f32,
-    plane: vec3f,
-    // How much nearer something must be to cast a shadow, 1/m.
-    margin: f32,
-}
-
-// Inverse depth of what the shadow map shows `step` texels from the receiver, or 0 where that does not shade it. Each
-// comparison is against the plane of the surface where the tap's texel sees it, so that no surface shadows itself however
-// wide the kernel.
-fn blocker_at(light: Light, receiver: Receiver, step: vec2f) -> f32 {
-    let at = floor(receiver.center + step);
-    let tap = (at + 0.5) / receiver.scale;
-    let last = vec2i(i32(receiver.size) - 1);
-    let texel = clamp(vec2i(vec2f(at.x, -1.0 - at.y) + 0.5 * receiver.size), vec2i(0), last);
-    let span = light.inverse_near - light.inverse_far;
-    let blocker = light.inverse_near - span * textureLoad(shadow_maps, texel, receiver.layer, 0);
-    let surface = dot(receiver.plane, vec3f(tap, 1.0));
-    let limited = clamp(surface, 0.8 * receiver.inverse, 1.25 * receiver.inverse);
-    return select(0.0, blocker, blocker > limited + receiver.margin);
-}
-
-// Share of an area light that arrives (percentage-closer soft shadows, Fernando 2005).
-fn lit(light: Light, spiral: vec2f, point: vec3f, normal: vec3f) -> f32 {
-    var layer = light.first_layer;
-    var m = light.view_from_camera;
-    if CUBES {
-        layer += select(0u, cube_face(point - light.position), light.faces == 6u);
-        m = frame.layer_from_camera[layer];
-    }
-    let p = (m * vec4f(point, 1.0)).xyz;
-    let n = (m * vec4f(normal, 0.0)).xyz;
-    let size = f32(textureDimensions(shadow_maps).x);
-    let scale = 0.5 * size / light.tangent;
-    let center = p.xy / p.z * scale;
-    // Outside the map there is nothing that could cast a shadow.
-    if !(p.z > 0.0 && max(abs(center.x), abs(center.y)) <= 0.5 * size) {
-        return 1.0;
-    }
-    let inverse = 1.0 / p.z;
-    let along = dot(n, p);
-    let plane = n * select(0.0, 1.0 / along, abs(along) > 1e-5);
-    let margin = (0.001 + 0.002 * p.z) * inverse * inverse;
-    let receiver = Receiver(layer, size, scale, center, inverse, plane, margin);
-
-    // Where the half-shadow of the farthest possible blocker ends, texels.
-    let farthest = light.radius * (1.0 - NEAREST_BLOCKER) / (NEAREST_BLOCKER * p.z) * scale;
-    let search = max(farthest, 1.5);
-    var direction = spiral;
-    var blockers = 0.0;
-    var blocker_sum = 0.0;
-    for (var i = 0; i < SEARCH_TAPS; i++) {
-        let blocker = blocker_at(light, receiver, direction * (search * sqrt((f32(i) + 0.5) / f32(SEARCH_TAPS))));
-        direction = turn(direction);
-        blockers += select(0.0, 1.0, blocker > 0.0);
-        blocker_sum += blocker;
-    }
-    // Not an early return: software adapters walk through what a pixel does not need, but not through loops that none of
-    // a block of pixels needs.
-    let taps = select(SHADOW_TAPS, 0, blockers == 0.0);
-    let width = light.radius * max(blocker_sum / max(blockers, 1.0) - inverse, 0.0) * scale;
-    let radius = max(min(width, search), 1.2);
-    var shaded = 0.0;
-    for (var i = 0; i < taps; i++) {
-        let blocker = blocker_at(light, receiver, direction * (radius * sqrt((f32(i) + 0.5) / f32(SHADOW_TAPS))));
-        direction = turn(direction);
-        shaded += select(0.0, 1.0, blocker > 0.0);
-    }
-    return 1.0 - shaded / f32(SHADOW_TAPS);
-}
-
 struct Surface {
     point: vec3f,
     normal: vec3f,
@@ -163,8 +67,8 @@ struct Surface {
     roughness: f32,
 }
 
-// Luminance of a surface in one light.
-fn reflected(light: Light, surface: Surface, spiral: vec2f) -> vec3f {
+// Luminance of a surface in one light, of which `share` arrives.
+fn reflected(light: Light, surface: Surface, share: f32) -> vec3f {
     let difference = light.position - surface.point;
     let squared = max(dot(difference, difference), 1e-4);
     let distance = sqrt(squared);
@@ -179,7 +83,6 @@ fn reflected(light: Light, surface: Surface, spiral: vec2f) -> vec3f {
     if beam <= 0.0 || n_l <= 0.0 {
         return vec3f(0.0);
     }
-    let share = lit(light, spiral, surface.point, surface.normal);
     let illuminance = light.intensity * (beam / squared);
     let halfway = normalize(to_light + surface.seen);
     let fresnel = schlick(surface.specular, max(dot(surface.seen, halfway), 0.0));
@@ -209,8 +112,6 @@ fn fs_light(@builtin(position) clip: vec4f) -> @location(0) vec4f {
     let n_v = max(dot(normal, seen), 1e-3);
     let specular = mix(vec3f(0.04), albedo, metallic);
     let diffuse = albedo * ((1.0 - metallic) / PI);
-    let angle = rotation(pixel);
-    let spiral = vec2f(cos(angle), sin(angle));
 
     let mirror = normal * (2.0 * dot(normal, seen)) - seen;
     let below = below_of(point);
@@ -220,17 +121,18 @@ fn fs_light(@builtin(position) clip: vec4f) -> @location(0) vec4f {
 
     // No loop: an index that is known beforehand spares a software adapter to gather each value lane by lane.
     let surface = Surface(point, normal, seen, n_v, specular, diffuse, roughness);
+    let arrives = textureLoad(shares, at, 0);
     if LIGHT_COUNT > 0u {
-        radiance += reflected(frame.lights[0], surface, spiral);
+        radiance += reflected(frame.lights[0], surface, arrives[0]);
     }
     if LIGHT_COUNT > 1u {
-        radiance += reflected(frame.lights[1], surface, spiral);
+        radiance += reflected(frame.lights[1], surface, arrives[1]);
     }
     if LIGHT_COUNT > 2u {
-        radiance += reflected(frame.lights[2], surface, spiral);
+        radiance += reflected(frame.lights[2], surface, arrives[2]);
     }
     if LIGHT_COUNT > 3u {
-        radiance += reflected(frame.lights[3], surface, spiral);
+        radiance += reflected(frame.lights[3], surface, arrives[3]);
     }
     return vec4f(clamp(radiance, vec3f(0.0), vec3f(MAX_LUMINANCE)), 1.0);
 }

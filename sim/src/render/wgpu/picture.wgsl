@@ -13,7 +13,8 @@ fn rotation(pixel: vec2f) -> f32 {
     return 2.0 * PI * fract(52.982918 * fract(dot(pixel, vec2f(0.06711056, 0.00583715))));
 }
 
-// Cosine and sine of the golden angle: a spiral of steps by it covers a disk evenly (Vogel 1979).
+// The golden angle, its cosine and sine: a spiral of steps by it covers a disk evenly (Vogel 1979).
+const GOLDEN_ANGLE = 2.3999632;
 const GOLDEN = vec2f(-0.73736888, 0.67549029);
 
 fn turn(v: vec2f) -> vec2f {

@@ -1,4 +1,4 @@
-//! The pipelines (shadow, geometry, light, smooth edges) and the layouts of what they read; made once.
+//! The pipelines (shadow maps, geometry, shade, light, smooth edges) and the layouts of what they read; made once.
 
 use std::cell::OnceCell;
 
@@ -36,6 +36,9 @@ pub(super) const NORMAL: TextureFormat = TextureFormat::Rgb10a2Unorm;
 /// Open share of the ambient light, and whether the pixel is an edge.
 pub(super) const PREPARED: TextureFormat = TextureFormat::Rg8Unorm;
 
+/// Share of each of four lights that arrives.
+pub(super) const SHARES: TextureFormat = TextureFormat::Rgba8Unorm;
+
 pub(super) struct Pipelines {
     pub shadow: RenderPipeline,
     pub geometry: RenderPipeline,
@@ -45,7 +48,12 @@ pub(super) struct Pipelines {
     pub prepare: RenderPipeline,
     /// One for each number of lights, without and with cubes, made when first needed. Told by a uniform instead, Mesa's
     /// software driver would translate the shader anew for each frame.
-    lights: [[OnceCell<RenderPipeline>; 2]; MAX_LIGHTS + 1],
+    shades: [[OnceCell<RenderPipeline>; 2]; MAX_LIGHTS + 1],
+    shade: ShaderModule,
+    /// Along rows and along columns.
+    pub soften: [RenderPipeline; 2],
+    /// One for each number of lights.
+    lights: [OnceCell<RenderPipeline>; MAX_LIGHTS + 1],
     light: ShaderModule,
     pub smooth: RenderPipeline,
     /// View and instances.
@@ -56,7 +64,11 @@ pub(super) struct Pipelines {
     pub frame_group: BindGroupLayout,
     /// Depth, surface, normal.
     pub prepare_group: BindGroupLayout,
-    /// Depth, albedo, normal, prepared.
+    /// Depth, normal.
+    pub shade_group: BindGroupLayout,
+    /// Surface, shares.
+    pub soften_group: BindGroupLayout,
+    /// Depth, albedo, normal, prepared, shares.
     pub surface_group: BindGroupLayout,
     /// Depth, surface, colour, samples and their depth buffers, prepared.
     pub smooth_group: BindGroupLayout,
@@ -67,6 +79,8 @@ impl Pipelines {
         let shadow = shader(device, "shadow", shaders::SHADOW);
         let geometry = shader(device, "geometry", shaders::GEOMETRY);
         let prepare = shader(device, "prepare", shaders::PREPARE);
+        let shade = shader(device, "shade", shaders::SHADE);
+        let soften = shader(device, "soften", shaders::SOFTEN);
         let light = shader(device, "light", shaders::LIGHT);
         let smooth = shader(device, "smooth", shaders::SMOOTH);
 
@@ -94,7 +108,9 @@ impl Pipelines {
         );
         let frame_group =
             layout(device, &[(fragment, uniform(false)), (fragment, array(TextureSampleType::Depth))]);
-        let surface_group = layout(device, &[(fragment, floats); 4]);
+        let shade_group = layout(device, &[(fragment, floats); 2]);
+        let soften_group = layout(device, &[(fragment, image(TextureSampleType::Uint)), (fragment, floats)]);
+        let surface_group = layout(device, &[(fragment, floats); 5]);
         let prepare_group = layout(
             device,
             &[(fragment, floats), (fragment, image(TextureSampleType::Uint)), (fragment, floats)],
@@ -125,7 +141,6 @@ impl Pipelines {
             depth: nearer,
             constants: &[],
         };
-        let whole = Stage { vertex: WHOLE, vertices: Vertices::None, depth: None, ..drawn };
         Self {
             shadow: pipeline(
                 device,
@@ -158,59 +173,87 @@ impl Pipelines {
                 device,
                 &Stage {
                     label: "prepare",
-                    module: &prepare,
                     fragment: Some("fs_prepare"),
                     groups: &[Some(&frame_group), Some(&prepare_group)],
                     targets: &[writes(PREPARED)],
-                    ..whole
+                    ..Stage::whole(&prepare)
                 },
             ),
+            shades: Default::default(),
+            shade,
+            soften: [1.0, 0.0].map(|along_rows| {
+                pipeline(
+                    device,
+                    &Stage {
+                        label: "soften",
+                        fragment: Some("fs_soften"),
+                        groups: &[Some(&soften_group)],
+                        targets: &[writes(SHARES)],
+                        constants: &[("ALONG_ROWS", along_rows)],
+                        ..Stage::whole(&soften)
+                    },
+                )
+            }),
             lights: Default::default(),
             light,
             smooth: pipeline(
                 device,
                 &Stage {
                     label: "smooth",
-                    module: &smooth,
                     fragment: Some("fs_smooth"),
                     groups: &[Some(&smooth_group)],
                     targets: &[writes(COLOR)],
-                    ..whole
+                    ..Stage::whole(&smooth)
                 },
             ),
             view_group,
             texture_group,
             frame_group,
             prepare_group,
+            shade_group,
+            soften_group,
             surface_group,
             smooth_group,
         }
     }
 
-    pub fn light(&self, device: &Device, lights: Lights) -> &RenderPipeline {
-        self.lights[lights.count][usize::from(lights.cubes)].get_or_init(|| {
+    pub fn shade(&self, device: &Device, lights: Lights) -> &RenderPipeline {
+        self.shades[lights.count][usize::from(lights.cubes)].get_or_init(|| {
             pipeline(
                 device,
                 &Stage {
-                    label: "light",
-                    module: &self.light,
-                    vertex: WHOLE,
-                    vertices: Vertices::None,
-                    fragment: Some("fs_light"),
-                    groups: &[Some(&self.frame_group), Some(&self.surface_group)],
-                    targets: &[Some(ColorTargetState::from(COLOR))],
-                    depth: None,
+                    label: "shade",
+                    fragment: Some("fs_shade"),
+                    groups: &[Some(&self.frame_group), Some(&self.shade_group)],
+                    targets: &[Some(ColorTargetState::from(SHARES))],
                     constants: &[
                         ("LIGHT_COUNT", lights.count as f64),
                         ("CUBES", f64::from(u8::from(lights.cubes))),
                     ],
+                    ..Stage::whole(&self.shade)
+                },
+            )
+        })
+    }
+
+    pub fn light(&self, device: &Device, lights: Lights) -> &RenderPipeline {
+        self.lights[lights.count].get_or_init(|| {
+            pipeline(
+                device,
+                &Stage {
+                    label: "light",
+                    fragment: Some("fs_light"),
+                    groups: &[Some(&self.frame_group), Some(&self.surface_group)],
+                    targets: &[Some(ColorTargetState::from(COLOR))],
+                    constants: &[("LIGHT_COUNT", lights.count as f64)],
+                    ..Stage::whole(&self.light)
                 },
             )
         })
     }
 }
 
-/// What the light shader is made for.
+/// What the shaders of light and shade are made for.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Lights {
     /// At most [`MAX_LIGHTS`].
@@ -274,9 +317,6 @@ fn pipeline(device: &Device, stage: &Stage<'_>) -> RenderPipeline {
     })
 }
 
-/// The vertex stage that covers the picture and reads no mesh.
-const WHOLE: &str = "vs_whole";
-
 /// What a vertex stage reads.
 #[derive(Clone, Copy)]
 enum Vertices {
@@ -301,6 +341,23 @@ struct Stage<'a> {
     depth: Option<(TextureFormat, CompareFunction)>,
     /// Values of the fragment shader's `override` declarations.
     constants: &'a [(&'a str, f64)],
+}
+
+impl<'a> Stage<'a> {
+    /// Covers the picture and reads no mesh.
+    fn whole(module: &'a ShaderModule) -> Self {
+        Self {
+            label: "whole picture",
+            module,
+            vertex: "vs_whole",
+            vertices: Vertices::None,
+            fragment: None,
+            groups: &[],
+            targets: &[],
+            depth: None,
+            constants: &[],
+        }
+    }
 }
 
 fn shader(device: &Device, label: &str, source: &'static str) -> ShaderModule {

@@ -4,6 +4,9 @@ pub(super) const SHADOW: &str = concat!(include_str!("instances.wgsl"), include_
 pub(super) const GEOMETRY: &str = concat!(include_str!("instances.wgsl"), include_str!("geometry.wgsl"));
 pub(super) const PREPARE: &str =
     concat!(include_str!("picture.wgsl"), include_str!("frame.wgsl"), include_str!("prepare.wgsl"));
+pub(super) const SHADE: &str =
+    concat!(include_str!("picture.wgsl"), include_str!("frame.wgsl"), include_str!("shade.wgsl"));
+pub(super) const SOFTEN: &str = concat!(include_str!("picture.wgsl"), include_str!("soften.wgsl"));
 pub(super) const LIGHT: &str =
     concat!(include_str!("picture.wgsl"), include_str!("frame.wgsl"), include_str!("light.wgsl"));
 pub(super) const SMOOTH: &str = concat!(include_str!("picture.wgsl"), include_str!("smooth.wgsl"));
@@ -18,6 +21,8 @@ mod tests {
             ("shadow", SHADOW),
             ("geometry", GEOMETRY),
             ("prepare", PREPARE),
+            ("shade", SHADE),
+            ("soften", SOFTEN),
             ("light", LIGHT),
             ("smooth", SMOOTH),
         ] {

@@ -7,7 +7,7 @@ use wgpu::{
 };
 
 use super::pipelines::{
-    ALBEDO, COLOR, COS, DEPTH, DEPTH_BUFFER, NORMAL, PREPARED, Pipelines, SHADOW_DEPTH, SURFACE, bind,
+    ALBEDO, COLOR, COS, DEPTH, DEPTH_BUFFER, NORMAL, PREPARED, Pipelines, SHADOW_DEPTH, SHARES, SURFACE, bind,
 };
 use super::{device_failed, failed};
 use crate::error::Result;
@@ -27,12 +27,17 @@ pub(super) struct Targets {
     pub albedo: TextureView,
     pub normal: TextureView,
     pub prepared: TextureView,
+    /// Shares of each light that arrive: by single rays and in the end, and on the way from one to the other.
+    pub shares: [TextureView; 2],
     /// Luminance before edges are smoothed, and after.
     pub color: TextureView,
     pub smooth: TextureView,
     /// Three more samples of each pixel and their depth buffers.
     pub samples: [(TextureView, TextureView); 3],
     pub prepare_group: BindGroup,
+    pub shade_group: BindGroup,
+    /// With each of `shares`.
+    pub soften_groups: [BindGroup; 2],
     pub surface_group: BindGroup,
     pub smooth_group: BindGroup,
     readback: Buffer,
@@ -76,6 +81,7 @@ impl Targets {
         let [depth, surface, cos, smooth] = [0, 1, 2, 3].map(|i: usize| view(&copies[i].texture));
         let [albedo, normal, color, prepared] =
             [ALBEDO, NORMAL, COLOR, PREPARED].map(|format| view(&texture(format, 1, bound)));
+        let shares = [SHARES, SHARES].map(|format| view(&texture(format, 1, bound)));
         let [sample, sample_depth] = [SURFACE, DEPTH_BUFFER].map(|format| texture(format, 3, bound));
         let layer = |texture: &Texture, base_array_layer| {
             texture.create_view(&TextureViewDescriptor {
@@ -93,7 +99,12 @@ impl Targets {
             width,
             height,
             geometry_depth: view(&texture(DEPTH_BUFFER, 1, TextureUsages::empty())),
-            surface_group: group(&pipelines.surface_group, &[&depth, &albedo, &normal, &prepared]),
+            surface_group: group(
+                &pipelines.surface_group,
+                &[&depth, &albedo, &normal, &prepared, &shares[0]],
+            ),
+            shade_group: group(&pipelines.shade_group, &[&depth, &normal]),
+            soften_groups: [0, 1].map(|i| group(&pipelines.soften_group, &[&surface, &shares[i]])),
             prepare_group: group(&pipelines.prepare_group, &[&depth, &surface, &normal]),
             smooth_group: group(
                 &pipelines.smooth_group,
@@ -106,6 +117,7 @@ impl Targets {
             albedo,
             normal,
             prepared,
+            shares,
             color,
             smooth,
             readback: gpu.device.create_buffer(&BufferDescriptor {
