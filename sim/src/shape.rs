@@ -38,3 +38,36 @@ pub enum Convex {
         points: Vec<Point3<f64>>,
     },
 }
+
+impl Convex {
+    /// Lower and upper corner of the box about the solid in its own frame, metres.
+    pub fn bounds(&self) -> [Point3<f64>; 2] {
+        let around = |half: Vector3<f64>| [Point3::from(-half), Point3::from(half)];
+        match self {
+            Self::Cuboid { half } => around(*half),
+            Self::Sphere { radius } => around(Vector3::repeat(*radius)),
+            Self::Cylinder { half_height, radius } => around(Vector3::new(*radius, *radius, *half_height)),
+            Self::Hull { points } => points.iter().fold(
+                [
+                    Point3::from(Vector3::repeat(f64::INFINITY)),
+                    Point3::from(Vector3::repeat(f64::NEG_INFINITY)),
+                ],
+                |[low, high], p| [low.inf(p), high.sup(p)],
+            ),
+        }
+    }
+}
+
+impl CollisionShape {
+    /// In the parent frame, the points of a hull, or the corners of the box about any other solid.
+    pub fn corners(&self) -> Vec<Point3<f64>> {
+        let local = match &self.geometry {
+            Convex::Hull { points } => points.clone(),
+            other => {
+                let ends = other.bounds();
+                (0..8).map(|i| Point3::from([0, 1, 2].map(|a| ends[i >> a & 1][a]))).collect()
+            }
+        };
+        local.iter().map(|p| self.pose * p).collect()
+    }
+}

@@ -8,7 +8,7 @@ use rand::RngExt;
 use super::kinematics::Motion;
 use super::{IkRequest, JointKind, RobotModel, pairs};
 use crate::rng;
-use crate::shape::{CollisionShape, Convex};
+use crate::shape::CollisionShape;
 
 /// Attempts to find a pose with the hand pointing down.
 const ATTEMPTS: usize = 400;
@@ -168,7 +168,7 @@ impl RobotModel {
         let [right, left] = [a, b];
         let inside = |finger: usize| -> Vec<Point3<f64>> {
             let at = self.steps[finger].origin;
-            self.solids_below(finger).iter().flat_map(corners).map(|p| at * p).collect()
+            self.solids_below(finger).iter().flat_map(CollisionShape::corners).map(|p| at * p).collect()
         };
         let all: Vec<Point3<f64>> = [right, left].into_iter().flat_map(inside).collect();
         let middle = all.iter().fold(Vector3::zeros(), |sum, p| sum + p.coords) / all.len().max(1) as f64;
@@ -187,11 +187,11 @@ impl RobotModel {
         let pad = |finger: usize| {
             let at = self.steps[finger].origin;
             let reach = |shape: &CollisionShape| {
-                corners(shape).iter().map(|p| (at * p).coords.dot(&out)).fold(f64::NEG_INFINITY, f64::max)
+                shape.corners().iter().map(|p| (at * p).coords.dot(&out)).fold(f64::NEG_INFINITY, f64::max)
             };
             let solids = self.solids_below(finger);
             let tip = solids.iter().max_by(|a, b| reach(a).total_cmp(&reach(b)));
-            let points = tip.map(corners).unwrap_or_default();
+            let points = tip.map(CollisionShape::corners).unwrap_or_default();
             let low = points.iter().fold(Vector3::repeat(f64::INFINITY), |low, p| low.inf(&p.coords));
             let high = points.iter().fold(Vector3::repeat(f64::NEG_INFINITY), |high, p| high.sup(&p.coords));
             (0.5 * (low + high), 0.5 * (high - low))
@@ -208,7 +208,7 @@ impl RobotModel {
         let palm = self.links[link]
             .collisions
             .iter()
-            .flat_map(corners)
+            .flat_map(CollisionShape::corners)
             .map(|p| p.coords.dot(&out))
             .fold(f64::NEG_INFINITY, f64::max);
         let base = all.iter().map(|p| p.coords.dot(&out)).fold(f64::INFINITY, f64::min);
@@ -308,23 +308,5 @@ impl RobotModel {
     fn touches_itself(&self, q: &[f64]) -> bool {
         let poses = self.fk(q);
         pairs::touching(self, &poses).is_some()
-    }
-}
-
-/// The corners of a solid, or of the box about it.
-fn corners(shape: &CollisionShape) -> Vec<Point3<f64>> {
-    let around = |half: Vector3<f64>| -> Vec<Point3<f64>> {
-        (0..8)
-            .map(|i| {
-                let sign = |bit: usize| if i & bit == 0 { 1.0 } else { -1.0 };
-                shape.pose * Point3::new(sign(1) * half.x, sign(2) * half.y, sign(4) * half.z)
-            })
-            .collect()
-    };
-    match &shape.geometry {
-        Convex::Cuboid { half } => around(*half),
-        Convex::Sphere { radius } => around(Vector3::repeat(*radius)),
-        Convex::Cylinder { half_height, radius } => around(Vector3::new(*radius, *radius, *half_height)),
-        Convex::Hull { points } => points.iter().map(|p| shape.pose * p.cast::<f64>()).collect(),
     }
 }

@@ -5,6 +5,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::fixture::{BinKind, Fixture, FixtureKind, block, default_friction};
+use crate::shape::Convex;
 
 /// How far the walls of a tote lean outwards, radians: 8 degrees.
 const TOTE_LEAN: f64 = 0.14;
@@ -100,10 +101,9 @@ impl Bin {
         let part = |pose: Isometry3<f64>, half| block(kind, world_from_bin * pose, half, self.friction);
         let mut solids = vec![part(Isometry3::translation(0.0, 0.0, -t), [hx + 2.0 * t, hy + 2.0 * t, t])];
         let lean = self.lean();
-        let flare = self.wall_height * lean.tan();
         for (axis, sign) in [(0, 1.0), (0, -1.0), (1, 1.0), (1, -1.0)] {
             // Walls at x cover the corners. A wall turns about the floor's edge, its upper end outwards.
-            let (out, along) = if axis == 0 { (hx, hy + 2.0 * t + flare) } else { (hy, hx + flare) };
+            let (out, along) = if axis == 0 { (hx, hy + 2.0 * t) } else { (hy, hx) };
             let edge = Translation3::from(Vector3::ith(axis, sign * out));
             let about = if axis == 0 { Vector3::y() * sign * lean } else { Vector3::x() * -sign * lean };
             for [low, high] in self.boards().into_iter().map(|edges| edges.map(|z| z / lean.cos())) {
@@ -111,10 +111,12 @@ impl Bin {
                 centre.z = 0.5 * (low + high);
                 let mut half = [along, along, 0.5 * (high - low)];
                 half[axis] = t;
-                solids.push(part(
-                    edge * UnitQuaternion::from_scaled_axis(about) * Translation3::from(centre),
-                    half,
-                ));
+                let pose = edge * UnitQuaternion::from_scaled_axis(about) * Translation3::from(centre);
+                let mut wall = part(pose, half);
+                if lean > 0.0 {
+                    wall.shape.geometry = flared(half, 1 - axis, lean.sin());
+                }
+                solids.push(wall);
             }
         }
         if self.kind == BinKind::Crate {
@@ -137,10 +139,20 @@ impl Bin {
     }
 }
 
+/// A board that is `2 half` large at its lower edge, and wider along `axis` by `2 slope` for each metre above that: as wide
+/// as a bin whose walls lean is at each height, so that no corner sticks out.
+fn flared(half: [f64; 3], axis: usize, slope: f64) -> Convex {
+    let points = (0..8).map(|i| {
+        let mut p = [0, 1, 2].map(|a| if i >> a & 1 == 0 { -half[a] } else { half[a] });
+        p[axis] += (slope * (p[2] + half[2])).copysign(p[axis]);
+        Point3::from(p)
+    });
+    Convex::Hull { points: points.collect() }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::shape::Convex;
 
     const TABLE_HEIGHT: f64 = 0.6;
 
@@ -165,9 +177,8 @@ mod tests {
             let solids = bin.solids(TABLE_HEIGHT);
             let inside = |p: Point3<f64>| {
                 solids.iter().any(|f| {
-                    let Convex::Cuboid { half } = f.shape.geometry else { unreachable!() };
-                    let local = f.shape.pose.inverse_transform_point(&p);
-                    (0..3).all(|a| local[a].abs() <= half[a] + 1e-9)
+                    let (pose, solid) = crate::convert::solid(&f.shape).unwrap();
+                    solid.distance_to_point(&pose, crate::convert::point(&p), true) <= 1e-6
                 })
             };
             let world_from_bin = bin.world_from_bin();
@@ -199,16 +210,23 @@ mod tests {
                 assert_eq!(kind == BinKind::Crate, widest > 0.0);
             }
             let (low, high) = bin.outline();
-            let corners = solids.iter().flat_map(|f| {
-                let Convex::Cuboid { half } = f.shape.geometry else { unreachable!() };
-                (0..8).map(move |i| {
-                    let s = |bit: usize| if i >> bit & 1 == 0 { -half[bit] } else { half[bit] };
-                    f.shape.pose * Point3::new(s(0), s(1), s(2))
-                })
-            });
+            let corners = solids.iter().flat_map(|f| f.shape.corners());
             for p in corners {
                 assert!((0..2).all(|a| p[a] >= low[a] - 1e-3 && p[a] <= high[a] + 1e-3), "{kind:?}: {p}");
             }
+        }
+    }
+
+    #[test]
+    fn walls_of_a_tote_meet_at_the_corners() {
+        let bin = Bin { kind: BinKind::Tote, wall_height: 0.22, ..bin() };
+        let from_bin = bin.world_from_bin().inverse();
+        for corner in bin.solids(TABLE_HEIGHT).iter().flat_map(|f| f.shape.corners()) {
+            let p = from_bin * corner;
+            // Outside of the walls by as much as they lean at this height.
+            let outer =
+                |axis: usize| bin.inner[axis] / 2.0 + 0.01 / TOTE_LEAN.cos() + p.z.max(0.0) * TOTE_LEAN.tan();
+            assert!((0..2).all(|a| p[a].abs() < outer(a) + 1e-3), "{p}");
         }
     }
 

@@ -3,7 +3,6 @@
 use grip_sim::camera::Intrinsics;
 use grip_sim::pose::{Camera, Pose, World};
 use grip_sim::scene::{Fixture, Scene, Surroundings};
-use grip_sim::shape::Convex;
 use nalgebra::{Point3, Rotation3, Vector3};
 
 use crate::pictures::camera::fitted;
@@ -109,18 +108,18 @@ pub(super) fn seen(points: &[Point3<f64>], eye: &Point3<f64>, fixtures: &[Fixtur
 
 /// Whether the straight line from `a` to `b` meets a fixture, by its box.
 fn crosses(fixture: &Fixture, a: &Point3<f64>, b: &Point3<f64>) -> bool {
-    let Convex::Cuboid { half } = &fixture.shape.geometry else { return false };
+    let [low, high] = fixture.shape.geometry.bounds();
     let [a, b] = [a, b].map(|p| fixture.shape.pose.inverse_transform_point(p));
     let (mut from, mut to) = (0.0_f64, 1.0_f64);
     for axis in 0..3 {
         let step = b[axis] - a[axis];
         if step.abs() < 1e-12 {
-            if a[axis].abs() > half[axis] {
+            if !(low[axis]..=high[axis]).contains(&a[axis]) {
                 return false;
             }
             continue;
         }
-        let ends = [(-half[axis] - a[axis]) / step, (half[axis] - a[axis]) / step];
+        let ends = [(low[axis] - a[axis]) / step, (high[axis] - a[axis]) / step];
         from = from.max(ends[0].min(ends[1]));
         to = to.min(ends[0].max(ends[1]));
     }

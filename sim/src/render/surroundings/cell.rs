@@ -1,7 +1,6 @@
 //! The space that table and bin take.
 
 use crate::scene::{Fixture, FixtureKind};
-use crate::shape::Convex;
 
 /// The space that table and bin take.
 #[derive(Debug, Clone, Copy)]
@@ -20,16 +19,14 @@ impl Cell {
         let mut cell =
             Self { low: [f64::INFINITY; 2], high: [f64::NEG_INFINITY; 2], center_x: 0.0, top: 0.0 };
         for fixture in fixtures {
-            let Convex::Cuboid { half } = &fixture.shape.geometry else { continue };
-            let reach = fixture.shape.pose.rotation.to_rotation_matrix().matrix().abs() * half;
-            let center = fixture.shape.pose.translation.vector;
-            for axis in 0..2 {
-                cell.low[axis] = cell.low[axis].min(center[axis] - reach[axis]);
-                cell.high[axis] = cell.high[axis].max(center[axis] + reach[axis]);
+            let corners = fixture.shape.corners();
+            for (axis, corner) in corners.iter().flat_map(|corner| [(0, corner), (1, corner)]) {
+                cell.low[axis] = cell.low[axis].min(corner[axis]);
+                cell.high[axis] = cell.high[axis].max(corner[axis]);
             }
             if fixture.kind == FixtureKind::TableTop {
-                cell.center_x = center.x;
-                cell.top = center.z + half.z;
+                cell.center_x = fixture.shape.pose.translation.x;
+                cell.top = corners.iter().map(|p| p.z).fold(f64::NEG_INFINITY, f64::max);
             }
         }
         if cell.low[0] > cell.high[0] {

@@ -3,11 +3,11 @@
 use std::sync::Arc;
 
 use image::RgbImage;
-use nalgebra::Vector3;
+use nalgebra::{Point3, Vector3};
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
-use super::solids::{cuboid, cylinder};
+use super::solids::{cuboid, cylinder, hull};
 use crate::mesh::{Material, Visual};
 use crate::render::srgb::{LINEAR_OF_8BIT, color_to_linear};
 use crate::render::textures::Family;
@@ -45,6 +45,11 @@ impl Look {
     /// A box of this look.
     pub fn cuboid(&self, half: Vector3<f64>) -> Arc<Visual> {
         Arc::new(Visual { mesh: Arc::new(cuboid(half, self.metres)), material: self.material.clone() })
+    }
+
+    /// The convex hull of `points` in this look.
+    pub fn hull(&self, points: &[Point3<f64>]) -> Arc<Visual> {
+        Arc::new(Visual { mesh: Arc::new(hull(points, self.metres)), material: self.material.clone() })
     }
 
     /// A cylinder of this look, its axis along z.

@@ -41,7 +41,6 @@ pub(super) struct Parts {
 pub(super) fn assemble(fixtures: &[Fixture], parts: &Parts) -> Furniture {
     let mut furniture = Furniture::default();
     for fixture in fixtures {
-        let Convex::Cuboid { half } = &fixture.shape.geometry else { continue };
         let look = match fixture.kind {
             FixtureKind::TableTop => &parts.table,
             FixtureKind::Bin(kind) => &parts.bins[kind as usize],
@@ -51,7 +50,12 @@ pub(super) fn assemble(fixtures: &[Fixture], parts: &Parts) -> Furniture {
         if fixture.kind == FixtureKind::TableTop {
             furniture.table_albedo = parts.table.albedo();
         }
-        furniture.drawn.push((fixture.shape.pose, look.cuboid(*half)));
+        let visual = match &fixture.shape.geometry {
+            Convex::Cuboid { half } => look.cuboid(*half),
+            Convex::Hull { points } => look.hull(points),
+            Convex::Cylinder { .. } | Convex::Sphere { .. } => unreachable!("no scene has round fixtures"),
+        };
+        furniture.drawn.push((fixture.shape.pose, visual));
     }
     let floor = parts.floor.cuboid(Vector3::new(ROOM_M, ROOM_M, 0.01));
     furniture.drawn.push((Isometry3::from(Translation3::new(ROOM_X, 0.0, -0.01)), floor));

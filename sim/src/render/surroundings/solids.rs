@@ -5,6 +5,7 @@ use std::f32::consts::TAU;
 use nalgebra::{Point3, Vector3};
 
 use crate::mesh::Mesh;
+use crate::objects::mass;
 
 /// A box about the origin whose texture repeats every `metres`, in world scale on every face.
 pub(super) fn cuboid(half: Vector3<f64>, metres: f64) -> Mesh {
@@ -34,6 +35,27 @@ pub(super) fn cuboid(half: Vector3<f64>, metres: f64) -> Mesh {
             let quad: [[u32; 3]; 2] = if outward { [[0, 1, 2], [0, 2, 3]] } else { [[0, 2, 1], [0, 3, 2]] };
             mesh.triangles.extend(quad.map(|t| t.map(|i| first + i)));
         }
+    }
+    mesh
+}
+
+/// The convex hull of `points` (empty where it is flat) whose texture repeats about every `metres`, seen along the axis that
+/// each face looks along most.
+pub(super) fn hull(points: &[Point3<f64>], metres: f64) -> Mesh {
+    let positions = points.iter().map(|p| p.cast::<f32>()).collect();
+    let hull = mass::hull(&Mesh { positions, ..Mesh::default() }).unwrap_or_default();
+    let mut mesh = Mesh::default();
+    for triangle in &hull.triangles {
+        let corners = triangle.map(|i| hull.positions[i as usize]);
+        let normal = (corners[1] - corners[0]).cross(&(corners[2] - corners[0])).normalize();
+        let axis = normal.iamax();
+        let first = mesh.positions.len() as u32;
+        for p in corners {
+            mesh.positions.push(p);
+            mesh.normals.push(normal);
+            mesh.uvs.push([(axis + 1) % 3, (axis + 2) % 3].map(|a| p[a] / metres as f32));
+        }
+        mesh.triangles.push([first, first + 1, first + 2]);
     }
     mesh
 }
@@ -85,7 +107,10 @@ mod tests {
     #[test]
     fn faces_look_outwards() {
         let boxes = [Vector3::new(1.0, 2.0, 3.0), Vector3::new(3.0, 1.0, 2.0)].map(|half| cuboid(half, 1.0));
-        for mesh in boxes.into_iter().chain([cylinder(0.3, 0.5, 0.4)]) {
+        let corners = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+        let tetrahedron = hull(&corners.map(|p| Point3::from(p) - Vector3::repeat(0.2)), 1.0);
+        assert!((tetrahedron.volume() - 1.0 / 6.0).abs() < 1e-6);
+        for mesh in boxes.into_iter().chain([cylinder(0.3, 0.5, 0.4), tetrahedron]) {
             for t in &mesh.triangles {
                 let [a, b, c] = t.map(|i| mesh.positions[i as usize]);
                 let winding = (b - a).cross(&(c - a));
