@@ -216,6 +216,57 @@ fn luminance_follows_the_inverse_square_law_and_shadows_take_it_away() {
 }
 
 #[test]
+fn half_shadows_of_a_straight_edge_follow_the_segment_of_the_lights_disk() {
+    // A round lamp shines straight at a wall, 2 m away; 0.5 m before the wall a sheet covers all that is right of x = 0.6.
+    const RADIUS: f64 = 0.4;
+    let lighting = Lighting {
+        lights: vec![Light {
+            position: Vector3::new(0.6, 0.0, 0.0),
+            target: Vector3::new(0.6, 0.0, 2.0),
+            intensity_cd: 100.0,
+            color: [1.0; 3],
+            radius: RADIUS,
+            half_angle: 1.0,
+            shadows: true,
+        }],
+        ..Lighting::default()
+    };
+    let material = Material { base_color: [1.0; 3], roughness: 1.0, ..Material::default() };
+    let wall = one(cuboid([9.0, 9.0, 0.02], 1.0), material.clone(), at([0.0, 0.0, 2.01], 0.0), 1);
+    let mut covered = wall.clone();
+    covered.instances.push(Instance {
+        visual: visual(cuboid([0.8, 2.0, 0.002], 1.0), material),
+        pose: at([1.0, 0.0, 1.5], 0.0),
+        label: 2,
+    });
+    for mut renderer in renderers("half-shadows") {
+        let [free, shaded] = [&wall, &covered]
+            .map(|scene| renderer.render(scene, &lighting, &SMALL, &Pose::identity()).unwrap().radiance);
+        // How far a pixel may be from the closed form, in the mean; and from its column, where all are the same: the
+        // picture's grain. The CPU asks few rays first, and no more where those agree: its half-shadows are steeper.
+        let [most_off, most_grain] = if renderer.name() == "cpu" { [0.1, 0.15] } else { [0.03, 0.06] };
+        let (mut off, mut grain, mut count) = (0.0, 0.0, 0.0);
+        for u in 0..SMALL.width {
+            let x = 2.0 * SMALL.back_project(u as f64, 0.0, 1.0).x;
+            // Where a line from the wall by the edge meets the lamp's disk, in radii.
+            let s = (x - 0.6) * (2.0 / 0.5 - 1.0) / RADIUS;
+            if s.abs() > 0.95 {
+                continue;
+            }
+            let lit = 0.5 - (s * (1.0 - s * s).sqrt() + s.asin()) / std::f64::consts::PI;
+            let shares = (20..100).map(|v| f64::from(shaded.at(u, v)[1] / free.at(u, v)[1]));
+            let mean = shares.clone().sum::<f64>() / 80.0;
+            off += (mean - lit).abs();
+            grain += (shares.map(|share| (share - mean).powi(2)).sum::<f64>() / 80.0).sqrt();
+            count += 1.0;
+        }
+        let (off, grain) = (off / count, grain / count);
+        println!("{}: {off:.4} off the closed form, grain {grain:.4}", renderer.name());
+        assert!(count > 15.0 && off < most_off && grain < most_grain, "{}: {off} {grain}", renderer.name());
+    }
+}
+
+#[test]
 fn both_renderers_draw_the_same_scene() {
     let Some(mut wgpu) = wgpu_or_skip("agreement") else {
         return;
