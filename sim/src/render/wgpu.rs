@@ -2,9 +2,9 @@
 //!
 //! The passes of a frame: shadow maps of all lights; geometry (depth, labels, angle of incidence, colour, normal) with
 //! exactly one sample at each pixel's centre; how much of each light arrives at every pixel; light on every pixel; three
-//! more samples of the geometry, from which edges are smoothed. Light comes after geometry because a software adapter shades small triangles by blocks of sixteen
-//! pixels: this way each pixel is lit once. Everything is computed in the camera's frame, so that depth stays precise
-//! wherever in the world the robot stands.
+//! more samples of the geometry, from which edges are smoothed. Light comes after geometry because a software adapter
+//! shades small triangles by blocks of sixteen pixels: this way each pixel is lit once. Everything is computed in the
+//! camera's frame, so that depth stays precise wherever in the world the robot stands.
 
 mod cache;
 mod pipelines;

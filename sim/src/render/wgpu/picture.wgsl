@@ -21,6 +21,9 @@ fn turn(v: vec2f) -> vec2f {
     return vec2f(v.x * GOLDEN.x - v.y * GOLDEN.y, v.x * GOLDEN.y + v.y * GOLDEN.x);
 }
 
+// Normals may differ by this much within one smooth surface.
+const SAME_NORMAL = 0.35;
+
 // How much the normals of two surfaces (see geometry.wgsl) differ, squared; large for different instances.
 fn difference(a: u32, b: u32) -> f32 {
     let x = (f32((a >> 8u) & 255u) - f32((b >> 8u) & 255u)) / 127.5;

@@ -28,9 +28,8 @@ fn open_share(pixel: vec2f, spiral: vec2f, point: vec3f, normal: vec3f) -> f32 {
     return clamp(1.0 - 2.0 * kept / f32(AO_TAPS), 0.0, 1.0);
 }
 
-// Depths may differ by this share, normals by this much, within one smooth surface.
+// Depths may differ by this share within one smooth surface.
 const SAME_DEPTH = 0.02;
-const SAME_NORMAL = 0.35;
 
 fn is_edge(at: vec2i, depth: f32) -> bool {
     let last = vec2i(textureDimensions(seen_depth)) - 1;

@@ -1,14 +1,11 @@
 // Half-shadows of the single rays of shade.wgsl: the mean of four by four neighbours, taken where four such squares overlap
-// (so that it lies evenly about the pixel) and of the same surface only; columns first, rows next.
+// (so that it lies evenly about the pixel) and of the same surface only; along rows first, along columns next.
 
-// Whether this pass goes along columns or along rows.
+// Whether this pass goes along rows or along columns.
 override ALONG_ROWS: bool = true;
 
 @group(0) @binding(0) var seen_surface: texture_2d<u32>;
 @group(0) @binding(1) var shares: texture_2d<f32>;
-
-// As in prepare.wgsl.
-const SAME_NORMAL = 0.35;
 
 @fragment
 fn fs_soften(@builtin(position) clip: vec4f) -> @location(0) vec4f {
