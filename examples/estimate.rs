@@ -2,7 +2,7 @@
 
 #![allow(clippy::print_stdout, reason = "an example")]
 
-use grip::estimators::{DetectorKind, Grip, NetworkOptions, Perception, SecondStage};
+use grip::estimators::{DetectorKind, DetectorOptions, Grip, Perception, SecondStage};
 use grip::score::pose_errors;
 use grip::setup::{Setup, SetupOptions};
 use grip_sim::render::{self, RendererChoice};
@@ -11,7 +11,7 @@ pub(crate) fn main() -> anyhow::Result<()> {
     let setup = Setup::load(&SetupOptions::default())?;
     let (world, _) = setup.drop_objects()?;
     let (frame, _) = setup.capture(&world, render::open(RendererChoice::Auto)?.as_mut(), 0)?;
-    let grip = Grip::open(&setup, SecondStage::Grip, DetectorKind::Pyramid, &NetworkOptions::default())?;
+    let grip = Grip::open(&setup, SecondStage::Grip, DetectorKind::Pyramid, &DetectorOptions::default())?;
     let asked = Vec::from_iter(0..setup.models.len());
     for (i, posterior) in grip.look_once(&frame, &setup.models, &asked, 1)? {
         let truth = frame.world_from_camera.inverse() * world.truth(i);

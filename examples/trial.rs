@@ -2,7 +2,7 @@
 
 #![allow(clippy::print_stdout, reason = "an example")]
 
-use grip::estimators::{DetectorKind, Estimator, EstimatorKind, NetworkOptions};
+use grip::estimators::{DetectorKind, DetectorOptions, Estimator, EstimatorKind};
 use grip::progress::Quiet;
 use grip::setup::{Setup, SetupOptions};
 use grip::trial::{self, TrialOptions};
@@ -10,7 +10,7 @@ use grip_sim::render::{self, RendererChoice};
 
 pub(crate) fn main() -> anyhow::Result<()> {
     let setup = Setup::load(&SetupOptions { seed: 7, ..SetupOptions::default() })?;
-    let network = NetworkOptions::default();
+    let network = DetectorOptions::default();
     let estimator = Estimator::open(&setup, &EstimatorKind::Grip, DetectorKind::Pyramid, &network)?;
     let (planner, mut renderer) = (setup.planner(), render::open(RendererChoice::Auto)?);
     let options = TrialOptions { items: Some(2), ..TrialOptions::default() };

@@ -3,7 +3,7 @@
 //! This library is what the command `grip` is made of. A trial:
 //!
 //! ```no_run
-//! use grip::estimators::{DetectorKind, Estimator, EstimatorKind, NetworkOptions};
+//! use grip::estimators::{DetectorKind, Estimator, EstimatorKind, DetectorOptions};
 //! use grip::progress::Quiet;
 //! use grip::setup::{Setup, SetupOptions};
 //! use grip::trial::{self, TrialOptions};
@@ -12,7 +12,7 @@
 //! # fn main() -> anyhow::Result<()> {
 //! let setup = Setup::load(&SetupOptions { seed: 7, condition: "dark".into(), ..SetupOptions::default() })?;
 //! let estimator =
-//!     Estimator::open(&setup, &EstimatorKind::Grip, DetectorKind::Pyramid, &NetworkOptions::default())?;
+//!     Estimator::open(&setup, &EstimatorKind::Grip, DetectorKind::Pyramid, &DetectorOptions::default())?;
 //! let (planner, mut renderer) = (setup.planner(), render::open(RendererChoice::Auto)?);
 //! let trial =
 //!     trial::run(&setup, &estimator, &planner, renderer.as_mut(), TrialOptions::default(), &Quiet)?;

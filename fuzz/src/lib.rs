@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 use std::sync::LazyLock;
 
 use grip::benchmark::{Boxes, for_dataset};
-use grip::estimators::NetworkOptions;
+use grip::estimators::DetectorOptions;
 use grip::settings::Settings;
 use grip_manip::benchmark::load_problem;
 use grip_manip::grasp::read_poses;
@@ -217,7 +217,7 @@ fn estimates(_: &Path, file: &Path) -> Outcome {
         Some("results.csv") => outcome(read_results(file)),
         Some("boxes.json") => {
             let detector = for_dataset(Settings::default(), Path::new("")).perception.detector;
-            outcome(Boxes::open(&file.to_string_lossy(), &detector, &NetworkOptions::default()))
+            outcome(Boxes::open(&file.to_string_lossy(), &detector, &DetectorOptions::default()))
         }
         _ => outcome(read_poses(file, "003_cracker_box")),
     }

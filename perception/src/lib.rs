@@ -49,7 +49,9 @@ pub use grip::{
 pub use hypotheses::{HypothesisRenderer, HypothesisRendererChoice};
 pub use model::{RestingPose, resting_poses};
 pub use observation::ObservationSettings;
-pub use paper::{Centre, Holes, PaperEstimator, PaperSettings, Ranking};
+pub use paper::{
+    Centre, Decay, Diffusion, FeatureMatch, Holes, PaperEstimator, PaperSettings, Ranking, Start,
+};
 pub use posterior::{ColourVerdict, Mode, PosePosterior, TracePoint};
 pub use settings::PerceptionSettings;
 pub use support::{Footprint, Plane, Support, SupportSettings, Supports};

@@ -688,17 +688,26 @@ class PaperSettings:
     converged: float = 0.9
     r"""Weight of the best sample at which iterations end (w-bar: 0.9)."""
 
+    decay_by: Literal["current", "running"] = "current"
+    r"""OPEN in the paper: whose weight the diffusion shrinks by."""
+
     decay_exponent: int = 5
     r"""and the exponent of its decay (5)."""
 
     decay_from: float = 0.6
     r"""Weight of the best sample at which the diffusion begins to shrink (0.6),"""
 
+    diffusion: Literal["axes", "length"] = "axes"
+    r"""OPEN in the paper: what has the diffusion's standard deviations."""
+
     edge_ln_c: float = -5.5
     r"""Logarithm of the smoothness from which a point is an edge (-5.5)."""
 
     epsilon_m: float = 0.005
     r"""Inlier distance, metres (epsilon: 0.005)."""
+
+    feature_match: Literal["pixel", "near"] = "pixel"
+    r"""OPEN in the paper: which of them a hypothesis's feature may match."""
 
     holes: Literal["skip", "origin"] = "skip"
     r"""OPEN in the paper: neighbours without a point."""
@@ -713,7 +722,7 @@ class PaperSettings:
     r"""OPEN in the paper: whether the limits hold for the observation's features too, or only for a hypothesis's."""
 
     min_pixels: int = 0
-    r"""Samples that cover fewer pixels weigh nothing (0)."""
+    r"""Samples that cover fewer pixels of the image weigh nothing (0)."""
 
     neighbours: int = 2
     r"""OPEN in the paper: half the side of the neighbourhood N of a point, pixels."""
@@ -732,6 +741,14 @@ class PaperSettings:
 
     sigma_rad: float = 0.3
     r"""and radians (sigma_R: 0.3)."""
+
+    start: Literal["frustum", "readings"] = "frustum"
+    r"""OPEN in the paper: where samples begin."""
+
+    stride: Literal[1, 2, 4, 8] = 1
+    r"""OPEN in the paper: at what part of the image's resolution hypotheses are rendered and compared. ("The sample size is
+    limited by the buffer size"; epsilon is "approximated distance between adjacent points", which at 0.8 m is 6 mm at a
+    quarter of 640 x 480.)"""
 
     support: SupportSettings = field(default_factory=lambda: SupportSettings(enabled=False))
     r"""With a support plane, points on it are nobody's inliers (switched off)."""

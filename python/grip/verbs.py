@@ -38,6 +38,7 @@ def pack(
     detector: Optional[Literal["pyramid", "clusters", "none"]] = None,
     detector_model: Optional[Path] = None,
     providers: Optional[Union[str, Sequence[str]]] = None,
+    min_confidence: Optional[float] = None,
     hypotheses: Optional[Literal["cpu", "gpu", "auto"]] = None,
     grasper: Optional[Grasper] = None,
     grasps: Optional[Path] = None,
@@ -77,6 +78,8 @@ def pack(
             trains on; or an ONNX file with a description of the same name beside it (.json) [default: varied].
         providers: Execution providers of the native ONNX Runtime that ORT_DYLIB_PATH names, in order: cpu, cuda, tensorrt,
             rocm, openvino, directml, coreml, xnnpack. Without ORT_DYLIB_PATH networks run in tract, which is built in.
+        min_confidence: Throw away boxes of a lower confidence, whoever proposes them, and do not look for an object of which none
+            is left: hard detections, as the filter SUM has them. GRIP keeps all. Default: 0.
         hypotheses: Who renders pose hypotheses. Default: cpu.
         grasper: Who plans grasps: `grip`, from the shape of the objects; or `cmd:PROGRAM ARGUMENTS`, a program that is asked
             after each look (docs/graspers.md), or `NAME=cmd:...`. Default: grip.
@@ -111,6 +114,7 @@ def trials(
     detector: Optional[Literal["pyramid", "clusters", "none"]] = None,
     detector_model: Optional[Path] = None,
     providers: Optional[Union[str, Sequence[str]]] = None,
+    min_confidence: Optional[float] = None,
     grasps: Optional[Path] = None,
     renderer: Optional[Literal["auto", "wgpu", "cpu"]] = None,
     ycb: Optional[Path] = None,
@@ -145,6 +149,8 @@ def trials(
             trains on; or an ONNX file with a description of the same name beside it (.json) [default: varied].
         providers: Execution providers of the native ONNX Runtime that ORT_DYLIB_PATH names, in order: cpu, cuda, tensorrt,
             rocm, openvino, directml, coreml, xnnpack. Without ORT_DYLIB_PATH networks run in tract, which is built in.
+        min_confidence: Throw away boxes of a lower confidence, whoever proposes them, and do not look for an object of which none
+            is left: hard detections, as the filter SUM has them. GRIP keeps all. Default: 0.
         grasps: Folder of grasps to use instead of those that are found.
         renderer: Who draws: `auto` takes wgpu where a graphics adapter exists, else the CPU. Default: auto.
         ycb: Folder of scanned objects [env: GRIP_YCB_DIR].
@@ -433,12 +439,12 @@ def detect(
     *,
     detector_model: Optional[Path] = None,
     providers: Optional[Union[str, Sequence[str]]] = None,
+    min_confidence: Optional[float] = None,
     settings: Optional[Union[Settings, Mapping[str, Any], Path]] = None,
     split: Optional[str] = None,
     top: Optional[int] = None,
     heatmaps: Optional[Path] = None,
     out: Optional[Path] = None,
-    least_confidence: Optional[float] = None,
     jobs: Optional[int] = None,
     progress: Optional[bool] = None,
 ) -> dict[str, Any]:
@@ -451,13 +457,14 @@ def detect(
             trains on; or an ONNX file with a description of the same name beside it (.json) [default: varied].
         providers: Execution providers of the native ONNX Runtime that ORT_DYLIB_PATH names, in order: cpu, cuda, tensorrt,
             rocm, openvino, directml, coreml, xnnpack. Without ORT_DYLIB_PATH networks run in tract, which is built in.
+        min_confidence: Throw away boxes of a lower confidence, whoever proposes them, and do not look for an object of which none
+            is left: hard detections, as the filter SUM has them. GRIP keeps all. Default: 0.
         settings: Settings that are not to be the defaults: any part of the tree that `grip settings` prints, TOML.
         split: Split of the data set, such as test or train_pbr [default: test, else the first there is].
         top: Boxes that are shown of a picture, the most confident of all objects. Default: 10.
         heatmaps: Draw heat maps, PNG: of a picture into this file, of a data set into this folder.
         out: Write the boxes of a data set to this file, the 100 most confident of each object and image, in COCO's
             format: for `grip estimate --boxes FILE` and others' tools.
-        least_confidence: Leave out boxes with a lower confidence: what GRIP does not do, to see what a threshold costs. Default: 0.
         jobs: Threads [default: all cores].
         progress: Whether to show a bar, which needs tqdm. Default: where tqdm is installed.
 
@@ -476,6 +483,7 @@ def estimate(
     boxes: Optional[str] = None,
     detector_model: Optional[Path] = None,
     providers: Optional[Union[str, Sequence[str]]] = None,
+    min_confidence: Optional[float] = None,
     estimator: Optional[Estimator] = None,
     track: bool = False,
     absent: Optional[int] = None,
@@ -500,6 +508,8 @@ def estimate(
             trains on; or an ONNX file with a description of the same name beside it (.json) [default: varied].
         providers: Execution providers of the native ONNX Runtime that ORT_DYLIB_PATH names, in order: cpu, cuda, tensorrt,
             rocm, openvino, directml, coreml, xnnpack. Without ORT_DYLIB_PATH networks run in tract, which is built in.
+        min_confidence: Throw away boxes of a lower confidence, whoever proposes them, and do not look for an object of which none
+            is left: hard detections, as the filter SUM has them. GRIP keeps all. Default: 0.
         estimator: Who estimates: `grip`; `paper`, the filter of the GRIP paper to the letter, 400 iterations of which take
             about five seconds of one core a pose; `paper-guarded`, the same with guards that the paper leaves out,
             without which it does not converge; or `cmd:PROGRAM ARGUMENTS`, a program that is asked of each image
@@ -605,6 +615,7 @@ def convergence(
     boxes: Optional[str] = None,
     detector_model: Optional[Path] = None,
     providers: Optional[Union[str, Sequence[str]]] = None,
+    min_confidence: Optional[float] = None,
     out: Optional[Path] = None,
     progress: Optional[bool] = None,
 ) -> dict[str, Any]:
@@ -624,6 +635,8 @@ def convergence(
             trains on; or an ONNX file with a description of the same name beside it (.json) [default: varied].
         providers: Execution providers of the native ONNX Runtime that ORT_DYLIB_PATH names, in order: cpu, cuda, tensorrt,
             rocm, openvino, directml, coreml, xnnpack. Without ORT_DYLIB_PATH networks run in tract, which is built in.
+        min_confidence: Throw away boxes of a lower confidence, whoever proposes them, and do not look for an object of which none
+            is left: hard detections, as the filter SUM has them. GRIP keeps all. Default: 0.
         out: The figure, SVG; an older one is replaced. Default: runs/convergence.svg.
         progress: Whether to show a bar, which needs tqdm. Default: where tqdm is installed.
 

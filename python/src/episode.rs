@@ -8,7 +8,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
 use anyhow::{Context, Result, bail};
-use grip::estimators::{DetectorKind, Estimator, EstimatorKind, NetworkOptions};
+use grip::estimators::{DetectorKind, DetectorOptions, Estimator, EstimatorKind};
 use grip::graspers::{ForeignGrasp, GraspPlanner, GraspQuestion, Grasper, Want};
 use grip::progress::Quiet;
 use grip::score::outcome::{ItemResult, TrialResult};
@@ -115,7 +115,7 @@ fn run(
     news: &Sender<Result<News>>,
 ) -> Result<Option<TrialResult>> {
     let setup = &*plan.setup;
-    let network = NetworkOptions::default();
+    let network = DetectorOptions::default();
     let estimator = Estimator::open(setup, &plan.estimator, DetectorKind::Pyramid, &network)?;
     let (planner, mut renderer) = (setup.planner(), render::open(plan.renderer)?);
     let hand = Arc::new(Hand::default());

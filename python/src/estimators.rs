@@ -6,7 +6,7 @@ use std::sync::Arc;
 use anyhow::{Context, Result, bail, ensure};
 use grip::estimators::external::Question;
 use grip::estimators::external::protocol::{Found, Place, Sample};
-use grip::estimators::{Answers, DetectorKind, EstimatorFailed, EstimatorKind, NetworkOptions};
+use grip::estimators::{Answers, DetectorKind, DetectorOptions, EstimatorFailed, EstimatorKind};
 use grip::external::Given;
 use grip_perception::PosePosterior;
 use grip_sim::objects::ObjectModel;
@@ -101,7 +101,7 @@ impl Estimator {
                 };
                 let model =
                     detector_model.map(|path| path.to_string_lossy().parse()).transpose().unwrap_or_default();
-                let network = NetworkOptions { model, ..NetworkOptions::default() };
+                let network = DetectorOptions { model, ..DetectorOptions::default() };
                 grip::estimators::Estimator::open(&setup, &kind, detector, &network)
             })
         });

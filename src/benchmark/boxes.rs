@@ -18,15 +18,22 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
-use crate::estimators::{NetworkOptions, tell_unknown};
+use crate::estimators::{DetectorOptions, tell_unknown};
 
 /// Standard deviation by which each side of a jittered box moves, as a share of the box's width or height.
 const JITTER: f64 = 0.1;
 /// False boxes beside each jittered one.
 const FALSE_BOXES: usize = 4;
 
+/// Boxes, and which of them count.
+pub struct Boxes {
+    source: Source,
+    /// Boxes of a lower confidence do not count, and an object of which none is left is not looked for.
+    min_confidence: f64,
+}
+
 /// Who proposes boxes.
-pub enum Boxes {
+enum Source {
     /// The truth's.
     Truth,
     /// The truth's with their sides moved, among false ones that are believed as much: what a mediocre detector says.
@@ -83,17 +90,17 @@ impl Boxes {
     ///
     /// # Errors
     /// When it is none of these, the file cannot be read, or the network not be loaded.
-    pub fn open(name: &str, settings: &DetectorSettings, network: &NetworkOptions) -> Result<Self> {
-        network.check_used(name == "pyramid", "--boxes pyramid")?;
-        Ok(match name {
-            "pyramid" => Self::Pyramid(Box::new(PyramidOrClusters::new(
-                network.open(&settings.pyramid)?,
+    pub fn open(name: &str, settings: &DetectorSettings, options: &DetectorOptions) -> Result<Self> {
+        options.check_used(name == "pyramid", "--boxes pyramid")?;
+        let source = match name {
+            "pyramid" => Source::Pyramid(Box::new(PyramidOrClusters::new(
+                options.open(&settings.pyramid)?,
                 Clusters::new(settings.clusters.clone())?,
             ))),
-            "gt" => Self::Truth,
-            "jittered" => Self::Jittered,
-            "clusters" => Self::Clusters(Clusters::new(settings.clusters.clone())?),
-            "none" => Self::None,
+            "gt" => Source::Truth,
+            "jittered" => Source::Jittered,
+            "clusters" => Source::Clusters(Clusters::new(settings.clusters.clone())?),
+            "none" => Source::None,
             file => {
                 let path = PathBuf::from(file);
                 anyhow::ensure!(
@@ -102,26 +109,38 @@ impl Boxes {
                 );
                 read(&path)?
             }
-        })
+        };
+        Ok(Self { source, min_confidence: options.min_confidence })
+    }
+
+    /// The least confidence of a box that counts.
+    pub fn min_confidence(&self) -> f64 {
+        self.min_confidence
+    }
+
+    /// Which of `objects` are looked for: all, unless low confidences do not count and these are the `detections` that do.
+    pub fn looked_for(&self, detections: &Detections, objects: &[Arc<ObjectModel>]) -> Vec<bool> {
+        let has = |object: &Arc<ObjectModel>| !detections.of(&object.info.name).is_empty();
+        objects.iter().map(|object| self.min_confidence == 0.0 || has(object)).collect()
     }
 
     /// Which network proposes them, and who runs it.
     pub fn network(&self) -> Option<String> {
-        match self {
-            Self::Pyramid(network) => Some(network.to_string()),
+        match &self.source {
+            Source::Pyramid(network) => Some(network.to_string()),
             _ => None,
         }
     }
 
     /// Whether it takes long to find them.
     pub fn are_detected(&self) -> bool {
-        matches!(self, Self::Pyramid(_) | Self::Clusters(_))
+        matches!(self.source, Source::Pyramid(_) | Source::Clusters(_))
     }
 
     /// SHA-256 of the file that they are from, if they are.
     pub fn sha256(&self) -> Option<&str> {
-        match self {
-            Self::File { sha256, .. } => Some(sha256),
+        match &self.source {
+            Source::File { sha256, .. } => Some(sha256),
             _ => None,
         }
     }
@@ -135,13 +154,13 @@ impl Boxes {
         models: impl IntoIterator<Item = &'a Arc<ObjectModel>>,
         images: &HashSet<(u32, u32)>,
     ) -> Result<()> {
-        match self {
-            Self::Pyramid(network) => {
+        match &self.source {
+            Source::Pyramid(network) => {
                 let models: Vec<_> = models.into_iter().cloned().collect();
                 tell_unknown(&network.unknown(&models)?);
                 Ok(())
             }
-            Self::File { boxes, .. } => {
+            Source::File { boxes, .. } => {
                 let ids: HashSet<u32> = models.into_iter().map(|model| model.info.bop_id).collect();
                 let all: usize = boxes.values().map(Vec::len).sum();
                 let asked =
@@ -163,11 +182,24 @@ impl Boxes {
         }
     }
 
-    /// The boxes of one image for `objects`, which are the models of `ids`.
+    /// The boxes of one image for `objects` that count.
     ///
     /// # Errors
     /// When the frame is not usable, or a box of the file is none.
     pub fn of(
+        &self,
+        bop: &BopFrame,
+        frame: &CameraFrame,
+        objects: &[Arc<ObjectModel>],
+        seed: u64,
+    ) -> Result<Detections> {
+        Ok(self.source.of(bop, frame, objects, seed)?.at_least(self.min_confidence))
+    }
+}
+
+impl Source {
+    /// All boxes of one image for `objects`.
+    fn of(
         &self,
         bop: &BopFrame,
         frame: &CameraFrame,
@@ -232,7 +264,7 @@ impl Boxes {
     }
 }
 
-fn read(path: &Path) -> Result<Boxes> {
+fn read(path: &Path) -> Result<Source> {
     let text = grip_sim::files::read_to_string(path).context("detections: give a COCO-style .json")?;
     let list: Vec<FileBox> = serde_json::from_str(&text).with_context(|| {
         format!(
@@ -258,7 +290,7 @@ fn read(path: &Path) -> Result<Boxes> {
     for entry in list {
         by_image.entry((entry.scene_id, entry.image_id)).or_default().push(entry);
     }
-    Ok(Boxes::File { boxes: by_image, sha256: format!("{:x}", Sha256::digest(text.as_bytes())) })
+    Ok(Source::File { boxes: by_image, sha256: format!("{:x}", Sha256::digest(text.as_bytes())) })
 }
 
 /// The box of what is seen of an instance, measured where the data set does not tell; `None` where it is out of sight.

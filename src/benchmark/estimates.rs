@@ -247,6 +247,13 @@ impl Run<'_> {
             Some(boxes) => boxes,
             None => (self.boxes.of(&bop, &frame, &objects, seed)?, 0),
         };
+        let looked_for = self.boxes.looked_for(&detections, &objects);
+        let (objects, before): (Vec<_>, Vec<_>) = objects
+            .into_iter()
+            .zip(before)
+            .zip(looked_for)
+            .filter_map(|(asked, looked_for)| looked_for.then_some(asked))
+            .unzip();
         let beliefs: Vec<(usize, PosePosterior)> = match self.estimator {
             FrameEstimator::Ours(estimator) => {
                 let all = estimator.follow(&before, &frame, &detections, &objects, seed)?;

@@ -9,7 +9,7 @@ use grip_sim::pose::Pose;
 use grip_sim::render::{self, RendererChoice};
 use sha2::{Digest, Sha256};
 
-use crate::estimators::{DetectorKind, Grip, NetworkOptions, Perception, SecondStage};
+use crate::estimators::{DetectorKind, DetectorOptions, Grip, Perception, SecondStage};
 use crate::setup::{Setup, SetupOptions};
 
 /// What is computed, so that canaries of other versions are not compared.
@@ -38,7 +38,7 @@ fn compute() -> Result<String> {
     let (frame, _) = setup.capture(&world, renderer.as_mut(), 0)?;
     add(frame.rgb.as_raw());
     frame.depth.data().iter().for_each(|depth| add(&depth.to_bits().to_le_bytes()));
-    let grip = Grip::open(&setup, SecondStage::Grip, DetectorKind::Pyramid, &NetworkOptions::default())?;
+    let grip = Grip::open(&setup, SecondStage::Grip, DetectorKind::Pyramid, &DetectorOptions::default())?;
     let asked = Vec::from_iter(0..setup.models.len());
     for (_, posterior) in grip.look_once(&frame, &setup.models, &asked, 1)? {
         let (at, turn) = (posterior.best.translation(), posterior.best.rotation());

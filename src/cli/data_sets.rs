@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use crate::dataset::DatasetOptions;
-use crate::estimators::{EstimatorKind, NetworkChoice, NetworkOptions, SecondStage};
+use crate::estimators::{DetectorOptions, EstimatorKind, NetworkChoice, SecondStage};
 use clap::{Args, ValueEnum};
 use grip_perception::Providers;
 
@@ -136,7 +136,7 @@ pub enum Format {
     Bop,
 }
 
-/// Which network the detector `pyramid` is.
+/// Which network the detector `pyramid` is, and which boxes count.
 #[derive(Debug, Args)]
 pub struct DetectorArgs {
     /// The detector's network: `varied`, trained on every light, heaps and other cameras; `base`, on what the paper trains on;
@@ -147,13 +147,26 @@ pub struct DetectorArgs {
     /// openvino, directml, coreml, xnnpack. Without ORT_DYLIB_PATH networks run in tract, which is built in.
     #[arg(long, value_name = "LIST", value_delimiter = ',')]
     pub providers: Vec<String>,
+    /// Throw away boxes of a lower confidence, whoever proposes them, and do not look for an object of which none is left:
+    /// hard detections, as the filter SUM has them. GRIP keeps all.
+    #[arg(long, value_name = "C", default_value_t = 0.0, value_parser = confidence)]
+    pub min_confidence: f64,
 }
 
 impl DetectorArgs {
     /// As the library takes them.
-    pub fn options(&self) -> NetworkOptions {
-        NetworkOptions { model: self.detector_model.clone(), providers: Providers(self.providers.clone()) }
+    pub fn options(&self) -> DetectorOptions {
+        DetectorOptions {
+            model: self.detector_model.clone(),
+            providers: Providers(self.providers.clone()),
+            min_confidence: self.min_confidence,
+        }
     }
+}
+
+fn confidence(text: &str) -> Result<f64, String> {
+    let confidence = text.parse().ok().filter(|value| (0.0..=1.0).contains(value));
+    confidence.ok_or_else(|| "must be 0 to 1".to_owned())
 }
 
 /// `grip detect`.
@@ -179,9 +192,6 @@ pub struct DetectArgs {
     /// `grip estimate --boxes FILE` and others' tools.
     #[arg(long, value_name = "FILE")]
     pub out: Option<PathBuf>,
-    /// Leave out boxes with a lower confidence: what GRIP does not do, to see what a threshold costs.
-    #[arg(long, value_name = "C", default_value_t = 0.0)]
-    pub least_confidence: f64,
     /// Threads [default: all cores].
     #[arg(long, value_parser = clap::value_parser!(u32).range(1..=1024))]
     pub jobs: Option<u32>,

@@ -28,8 +28,6 @@ use crate::{pictures, plot};
 pub fn run(args: &DetectArgs) -> Result<Done> {
     let input = args.input.display();
     anyhow::ensure!(args.input.exists(), "{input}: no such picture or data set");
-    let threshold = args.least_confidence;
-    anyhow::ensure!((0.0..=1.0).contains(&threshold), "--least-confidence {threshold}: must be 0 to 1");
     let network = args.network.options().open(&args.settings.load()?.perception.detector.pyramid)?;
     let threads = args.jobs.unwrap_or(0) as usize;
     let pool =
@@ -42,9 +40,9 @@ pub fn run(args: &DetectArgs) -> Result<Done> {
 
 /// A box of a picture.
 /// Version of what `--json` prints of a data set.
-pub const SCHEMA: &str = "grip.detect/1";
+pub const SCHEMA: &str = "grip.detect/2";
 /// And of a picture.
-pub const IMAGE_SCHEMA: &str = "grip.detect-image/1";
+pub const IMAGE_SCHEMA: &str = "grip.detect-image/2";
 
 /// What `--json` prints of a data set.
 #[derive(Serialize, JsonSchema)]
@@ -56,7 +54,7 @@ pub struct DetectReport<'a> {
     /// The network, and what runs it.
     network: String,
     /// Boxes of a lower confidence are left out of pictures.
-    least_confidence: f64,
+    min_confidence: f64,
     images: usize,
     wall_s: f64,
     /// Median of an image, seconds.
@@ -75,7 +73,7 @@ pub struct ImageReport<'a> {
     #[serde(serialize_with = "grip_sim::files::shown")]
     image: &'a Path,
     /// Boxes of a lower confidence are left out.
-    least_confidence: f64,
+    min_confidence: f64,
     /// The network, and what runs it.
     network: String,
     seconds: f64,
@@ -108,7 +106,7 @@ fn of_picture(args: &DetectArgs, network: &PyramidCnn) -> Result<()> {
     let seconds = began.elapsed().as_secs_f64();
     let mut found: Vec<(usize, Detection)> = (1..=maps.description().objects.len())
         .flat_map(|class| maps.boxes(class).into_iter().map(move |detection| (class, detection)))
-        .filter(|(_, detection)| detection.confidence >= args.least_confidence)
+        .filter(|(_, detection)| detection.confidence >= args.network.min_confidence)
         .collect();
     found.sort_by(|a, b| b.1.confidence.total_cmp(&a.1.confidence));
     found.truncate(args.top as usize);
@@ -129,7 +127,7 @@ fn of_picture(args: &DetectArgs, network: &PyramidCnn) -> Result<()> {
         return output::json(&ImageReport {
             schema: IMAGE_SCHEMA,
             image: &args.input,
-            least_confidence: args.least_confidence,
+            min_confidence: args.network.min_confidence,
             network: network.to_string(),
             seconds,
             boxes: found,
@@ -145,7 +143,7 @@ fn of_picture(args: &DetectArgs, network: &PyramidCnn) -> Result<()> {
         output::table(header, &[1, 2, 3, 4, 5], rows),
         1e3 * seconds,
         found.len(),
-        without(args.least_confidence),
+        without(args.network.min_confidence),
     ))
 }
 
@@ -240,7 +238,7 @@ fn look(
                 truth: truth_boxes(&frame, object)?,
                 found: boxes
                     .iter()
-                    .filter(|detection| detection.confidence >= args.least_confidence)
+                    .filter(|detection| detection.confidence >= args.network.min_confidence)
                     .take(MOST_BOXES)
                     .map(|detection| (FileBox::new(key, id, detection).bbox, detection.confidence))
                     .collect(),
@@ -267,7 +265,7 @@ fn draw(
         .zip(boxes)
         .flat_map(|((class, _), boxes)| boxes.iter().map(|b| (*class, *b)))
         .collect();
-    top.retain(|(_, detection)| detection.confidence >= args.least_confidence);
+    top.retain(|(_, detection)| detection.confidence >= args.network.min_confidence);
     top.sort_by(|a, b| b.1.confidence.total_cmp(&a.1.confidence));
     top.truncate(args.top as usize);
     let path: PathBuf = folder.join(format!("{:06}_{:06}.png", key.0, key.1));
@@ -317,7 +315,7 @@ fn report(
             dataset: &args.input,
             split: dataset.split(),
             network: network.to_string(),
-            least_confidence: args.least_confidence,
+            min_confidence: args.network.min_confidence,
             images: looked.len(),
             wall_s,
             latency_s,
@@ -350,7 +348,7 @@ fn report(
         output::table(header, &[1, 2, 3, 4, 5, 6], rows),
         looked.len(),
         1e3 * latency_s,
-        without(args.least_confidence)
+        without(args.network.min_confidence)
     ))
 }
 

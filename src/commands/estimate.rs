@@ -54,6 +54,8 @@ struct RunDescription<'a> {
     boxes_sha256: Option<&'a str>,
     /// The detector's, and what runs it.
     network: Option<String>,
+    /// Boxes of a lower confidence did not count, nor objects of which none was left.
+    min_confidence: f64,
     /// Whether objects were followed from image to image.
     track: bool,
     /// How many objects were looked for in each image that are not there.
@@ -167,6 +169,7 @@ pub fn open(args: &EstimateArgs) -> Result<Opened> {
         boxes: boxes_from,
         boxes_sha256: boxes.sha256(),
         network: boxes.network(),
+        min_confidence: boxes.min_confidence(),
         track: args.track,
         absent: args.absent,
         seed: args.seed,

@@ -50,6 +50,10 @@ pub fn run(args: &PackArgs) -> Result<Done> {
         "--detector pyramid and --estimator grip or paper",
     )?;
     ensure!(
+        args.estimator.second_stage().is_some() || network.min_confidence == 0.0,
+        "--min-confidence is for --estimator grip or paper; leave it out"
+    );
+    ensure!(
         args.grasps.is_none() || args.grasper == GrasperKind::Grip,
         "--grasps is for --grasper grip; leave one of them out"
     );
@@ -97,6 +101,9 @@ fn default_folder(args: &PackArgs, setup: &Setup) -> PathBuf {
     }
     if let Some(model) = &args.network.detector_model {
         parts.push(model.label());
+    }
+    if args.network.min_confidence > 0.0 {
+        parts.push(format!("min-confidence-{}", args.network.min_confidence));
     }
     let set = setup.object_set();
     if set != ObjectSet::BuiltIn.label() {

@@ -13,7 +13,7 @@ use grip_sim::rng;
 use nalgebra::Point3;
 use serde_json::{Value, json};
 
-use super::{DetectorKind, Estimates, Look, NetworkOptions, Perception, SecondStage};
+use super::{DetectorKind, DetectorOptions, Estimates, Look, Perception, SecondStage};
 use crate::setup::Setup;
 
 /// Both stages of GRIP.
@@ -22,6 +22,8 @@ pub struct Grip {
     detector: Box<dyn Detector>,
     /// The network that the detector runs, with its fingerprint.
     network: Option<String>,
+    /// The least confidence of a box that counts ([`DetectorOptions::min_confidence`]).
+    min_confidence: f64,
     stage: SecondStage,
     /// Objects that the network does not know, for which clusters are proposed.
     unknown: Vec<String>,
@@ -43,7 +45,7 @@ impl Grip {
         setup: &Setup,
         stage: SecondStage,
         detector: DetectorKind,
-        network: &NetworkOptions,
+        network: &DetectorOptions,
     ) -> Result<Self> {
         network.check_used(detector == DetectorKind::Pyramid, "--detector pyramid")?;
         let table = setup.cell.workspace();
@@ -66,7 +68,17 @@ impl Grip {
             DetectorKind::None => Box::new(WholeImage),
         };
         let (table, bin, follow) = (over(&table)?, over(&bin_space)?, setup.settings.belief.follow);
-        Ok(Self { detector, network: name, stage, unknown, table, follow, bin, bin_space })
+        Ok(Self {
+            detector,
+            network: name,
+            min_confidence: network.min_confidence,
+            stage,
+            unknown,
+            table,
+            follow,
+            bin,
+            bin_space,
+        })
     }
 
     /// The part of the image that shows the inside of the bin, as the one box for each of `models`.
@@ -111,14 +123,20 @@ fn known_before(look: &Look<'_>) -> Vec<Option<PosePosterior>> {
 
 impl Perception for Grip {
     fn look(&self, look: &Look<'_>) -> Result<Estimates> {
-        let models = look.asked_models();
-        let boxes = self.detector.detect(look.frame, &models).context("detector")?;
+        let boxes = self.detector.detect(look.frame, &look.asked_models()).context("detector")?;
+        let boxes = boxes.at_least(self.min_confidence);
+        let counts =
+            |i: &usize| self.min_confidence == 0.0 || !boxes.of(&look.models[*i].info.name).is_empty();
+        let asked: Vec<usize> = look.asked.iter().copied().filter(counts).collect();
+        let look = &Look { asked: &asked, ..*look };
         let seed = rng::seed(look.seed, &format!("filter/{}", look.number()));
         let before =
             if self.follow || look.again { known_before(look) } else { vec![None; look.asked.len()] };
-        let posteriors =
-            self.table.follow(&before, look.frame, &boxes, &models, seed).context("estimator")?;
-        Ok(look.asked.iter().copied().zip(posteriors).collect())
+        let posteriors = self
+            .table
+            .follow(&before, look.frame, &boxes, &look.asked_models(), seed)
+            .context("estimator")?;
+        Ok(asked.into_iter().zip(posteriors).collect())
     }
 
     fn look_into_bin(&self, look: &Look<'_>) -> Result<Estimates> {
@@ -132,6 +150,9 @@ impl Perception for Grip {
     fn description(&self) -> Value {
         let mut described =
             json!({ "name": self.stage.name(), "detector": self.detector.name(), "network": self.network });
+        if self.min_confidence > 0.0 {
+            described["min_confidence"] = json!(self.min_confidence);
+        }
         if !self.unknown.is_empty() {
             described["clusters_for"] = json!(self.unknown);
         }

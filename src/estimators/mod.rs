@@ -144,7 +144,7 @@ impl Estimator {
         setup: &Setup,
         kind: &EstimatorKind,
         detector: DetectorKind,
-        network: &NetworkOptions,
+        network: &DetectorOptions,
     ) -> Result<Self> {
         if let Some(stage) = kind.second_stage() {
             return Ok(Self::Perception(Box::new(Grip::open(setup, stage, detector, network)?)));
@@ -320,16 +320,19 @@ impl FromStr for NetworkChoice {
     }
 }
 
-/// Which network the detector `pyramid` is, and what it runs on.
-#[derive(Debug, Clone, Default, PartialEq, Eq)]
-pub struct NetworkOptions {
+/// Which network the detector `pyramid` is and what it runs on, and which boxes of any detector count.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct DetectorOptions {
     /// The built-in default where none is given.
     pub model: Option<NetworkChoice>,
     /// Execution providers of a native ONNX Runtime.
     pub providers: Providers,
+    /// Boxes of a lower confidence are thrown away, and an object of which none is left is not looked for, as in SUM (Sui et al.
+    /// 2017). 0: all count, as in GRIP.
+    pub min_confidence: f64,
 }
 
-impl NetworkOptions {
+impl DetectorOptions {
     /// The network.
     ///
     /// # Errors

@@ -14,7 +14,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use sha2::{Digest, Sha256};
 
-use crate::estimators::{DetectorKind, Estimator, EstimatorKind, NetworkOptions, Recorded};
+use crate::estimators::{DetectorKind, DetectorOptions, Estimator, EstimatorKind, Recorded};
 use crate::graspers::{GRIP, Grasper, GrasperKind};
 use crate::record::RecordOptions;
 use crate::scenario::{Program, Scenario, program};
@@ -133,7 +133,7 @@ pub struct TrialsOptions {
     /// Who proposes boxes to GRIP.
     pub detector: DetectorKind,
     /// Which network the detector `pyramid` is.
-    pub network: NetworkOptions,
+    pub network: DetectorOptions,
     /// Folder of grasps to use instead of those that are found.
     pub grasps: Option<PathBuf>,
     /// Only every N-th seed.
@@ -153,7 +153,7 @@ impl Default for TrialsOptions {
             estimators: vec![EstimatorKind::Grip],
             graspers: vec![GrasperKind::Grip],
             detector: DetectorKind::Pyramid,
-            network: NetworkOptions::default(),
+            network: DetectorOptions::default(),
             grasps: None,
             shard: None,
             record: RecordOptions::default(),
@@ -247,11 +247,15 @@ impl Plan {
             options.grasps.is_none() || options.graspers.contains(&GrasperKind::Grip),
             "--grasps is for grasper grip; leave it out"
         );
+        let some_stage = options.estimators.iter().any(|kind| kind.second_stage().is_some());
         options.network.check_used(
-            options.estimators.iter().any(|kind| kind.second_stage().is_some())
-                && options.detector == DetectorKind::Pyramid,
+            some_stage && options.detector == DetectorKind::Pyramid,
             "--detector pyramid and estimator grip or paper",
         )?;
+        ensure!(
+            some_stage || options.network.min_confidence == 0.0,
+            "--min-confidence is for estimator grip or paper; leave it out"
+        );
         let mut stages: Vec<Stage> = Vec::new();
         let scenes = match options.scenes.as_slice() {
             [] => std::slice::from_ref(&options.setup.scene),
@@ -412,7 +416,7 @@ impl Stage {
             .iter()
             .map(|kind| {
                 // Options of the network are for those that use it.
-                let none = NetworkOptions::default();
+                let none = DetectorOptions::default();
                 let network = if kind.second_stage().is_some() { &options.network } else { &none };
                 Estimator::open(&setup, kind, options.detector, network)
             })

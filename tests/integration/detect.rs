@@ -57,7 +57,7 @@ fn objects_are_found_in_scenes_that_training_never_saw() {
             assert_eq!(found.iter().any(|b| of(&b)), asked, "object {object}, scene {image}");
         }
     }
-    let strict = json(&["detect", text(&set), "--least-confidence", "0.5", "--json"]);
+    let strict = json(&["detect", text(&set), "--min-confidence", "0.5", "--json"]);
     assert!(
         strict["views"]["D1"]["recall50"].as_f64().unwrap() < figure("D1", "recall50"),
         "{}",
@@ -138,7 +138,7 @@ fn what_is_wrong_is_said_by_name() {
         (&["black.png", "--detector-model", "none.onnx"], &["none.onnx"]),
         (&["black.png", "--detector-model", "paper"], &["paper", "varied, base or"]),
         (&["black.png", "--providers", "cuda"], &["cuda", "ORT_DYLIB_PATH"]),
-        (&["black.png", "--least-confidence", "2"], &["--least-confidence", "2"]),
+        (&["black.png", "--min-confidence", "2"], &["--min-confidence", "2", "must be 0 to 1"]),
         (&["black.png", "--heatmaps", "text.png/a.png"], &["text.png/a.png", "another place"]),
         (&["black.png", "--out", "boxes.json"], &["--out", "black.png"]),
     ];

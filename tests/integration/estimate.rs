@@ -98,6 +98,7 @@ fn poses_are_the_same_on_any_number_of_threads_and_after_a_stop_and_their_errors
 
     posteriors_are_written_and_held_against_the_truth(&set, &one);
     a_scene_is_tracked_as_a_whole(&set, &one);
+    hard_detections_lose_what_they_are_not_sure_of(&set);
 
     // The truth has no error, and a shift is its own ADD.
     let given = folder.path().join("given.csv");
@@ -195,6 +196,39 @@ fn poses_are_the_same_on_any_number_of_threads_and_after_a_stop_and_their_errors
         assert!(stderr(&output).contains(expected), "{text}: {}", stderr(&output));
         assert!(!out.exists());
     }
+}
+
+/// One object of each image has a box that is believed, the others have one that is not.
+fn hard_detections_lose_what_they_are_not_sure_of(set: &Path) {
+    let folder = set.parent().unwrap();
+    let truth = std::fs::read_to_string(set.join("test/000001/scene_gt.json")).unwrap();
+    let truth: serde_json::Value = serde_json::from_str(&truth).unwrap();
+    let (mut boxes, mut believed) = (Vec::new(), Vec::new());
+    for (image, instances) in truth.as_object().unwrap() {
+        for (i, instance) in instances.as_array().unwrap().iter().enumerate() {
+            let (image, object) = (image.parse::<u32>().unwrap(), &instance["obj_id"]);
+            let score = if i == 0 { 0.6 } else { 0.4 };
+            boxes.push(serde_json::json!({ "scene_id": 1, "image_id": image, "category_id": object,
+                "bbox": [0, 0, 640, 480], "score": score }));
+            if i == 0 {
+                believed.push(format!("1,{image},{object},"));
+            }
+        }
+    }
+    let (file, out) = (folder.join("boxes.json"), folder.join("hard.csv"));
+    std::fs::write(&file, serde_json::to_string(&boxes).unwrap()).unwrap();
+    let [set, file, out_text] = [set, &file, &out].map(|path| path.to_str().unwrap());
+    let args = ["estimate", set, "--boxes", file, "--min-confidence", "0.5", "--out", out_text, "--json"];
+    let output = grip(&args);
+    assert_eq!(code(&output), 0, "{}", stderr(&output));
+    let summary: serde_json::Value = serde_json::from_str(&stdout(&output)).unwrap();
+    assert_eq!(summary["settings"]["min_confidence"], 0.5);
+    let found = poses(&out);
+    assert_eq!(found.len() - 1, believed.len(), "{found:?}");
+    assert!(believed.iter().all(|start| found.iter().any(|line| line.starts_with(start))), "{found:?}");
+    let output = grip(&["estimate", set, "--min-confidence", "50"]);
+    assert_eq!(code(&output), 2);
+    assert!(stderr(&output).contains("must be 0 to 1"), "{}", stderr(&output));
 }
 
 /// `one` are the poses of the same run without tracking.

@@ -88,6 +88,17 @@ impl Detections {
         self.by_object.get(object).map_or(&[], Vec::as_slice)
     }
 
+    /// Without the boxes of a lower confidence: hard detections. An object of which no box is left has none, as one about which
+    /// the detector said nothing.
+    #[must_use]
+    pub fn at_least(mut self, confidence: f64) -> Self {
+        self.by_object.retain(|_, boxes| {
+            boxes.retain(|detection| detection.confidence >= confidence);
+            !boxes.is_empty()
+        });
+        self
+    }
+
     /// Names and boxes, in the names' order.
     pub fn iter(&self) -> impl Iterator<Item = (&str, &[Detection])> {
         self.by_object.iter().map(|(name, boxes)| (name.as_str(), boxes.as_slice()))
@@ -152,6 +163,17 @@ mod tests {
             assert!((*count as f64 / 20_000.0 - share).abs() < 0.015, "{counts:?}");
         }
         assert!(detections.sample("mug", &mut rng).is_none());
+    }
+
+    #[test]
+    fn a_threshold_takes_boxes_and_objects_without_any() {
+        let mut detections = Detections::new();
+        for (object, u0, confidence) in [("can", 0.0, 0.5), ("can", 20.0, 0.499), ("mug", 40.0, 0.1)] {
+            detections.push(object, boxed(u0, confidence)).unwrap();
+        }
+        assert_eq!(detections.clone().at_least(0.0), detections);
+        let hard = detections.at_least(0.5);
+        assert_eq!(hard.iter().collect::<Vec<_>>(), [("can", &[boxed(0.0, 0.5)][..])]);
     }
 
     #[test]

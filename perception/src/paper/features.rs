@@ -2,7 +2,9 @@
 
 use std::ops::Range;
 
-use super::settings::{Holes, MAX_WINDOW, PaperSettings, Ranking};
+use nalgebra::Vector3;
+
+use super::settings::{FeatureMatch, Holes, MAX_WINDOW, PaperSettings, Ranking};
 use crate::hypotheses::Isa;
 use crate::observation::Level;
 use grip_sim::lanes::{F8, LANES, blocks, blocks_mut, per_machine};
@@ -339,7 +341,7 @@ impl Features {
                 let is_plane = is_point & !is_edge;
                 points[x] += u32::from(is_point);
                 edges[x] += u32::from(is_edge);
-                let matched = [EDGE, PLANE].map(|of| u32::from(kind == u32::from(of)));
+                let matched = [EDGE, PLANE].map(|of| u32::from(kind & u32::from(of) != 0));
                 matched_edges[x] += matched[0] & u32::from(is_edge);
                 matched_planes[x] += matched[1] & u32::from(is_plane);
                 let place = row + places[x];
@@ -367,7 +369,7 @@ fn pick<'a>(
         let c2 = ranked.squared[i];
         let is = c2 >= 0.0 && (c2 >= threshold) == (kind == 0);
         let rank = if kind == 0 { !c2.to_bits() } else { c2.to_bits() };
-        is.then(|| key(rank, settings.ranking, place, ranked.matches[i] == [EDGE, PLANE][kind]))
+        is.then(|| key(rank, settings.ranking, place, ranked.matches[i] & [EDGE, PLANE][kind] != 0))
     }));
     if keys.len() > most {
         keys.select_nth_unstable(most);
@@ -409,5 +411,34 @@ pub(super) fn observed(level: &Level, settings: &PaperSettings) -> Vec<u8> {
             }
         }
     }
-    kinds
+    match settings.feature_match {
+        FeatureMatch::Pixel => kinds,
+        FeatureMatch::Near => nearby(&kinds, level, settings.epsilon_m as f32),
+    }
+}
+
+/// The kinds of features within `epsilon` of each point of a level.
+fn nearby(kinds: &[u8], level: &Level, epsilon: f32) -> Vec<u8> {
+    let mut near = vec![NONE; kinds.len()];
+    let point = |u: i32, v: i32| {
+        let w = level.w[level.index(u, v)];
+        let ray = Vector3::new((u as f32 - level.cx) / level.fx, (v as f32 - level.cy) / level.fy, 1.0);
+        (w > 0.0).then(|| ray / w)
+    };
+    let (width, height) = (level.width as i32, level.height as i32);
+    for v in 0..height {
+        for u in 0..width {
+            let Some(from) = point(u, v).filter(|_| kinds[level.index(u, v)] != NONE) else { continue };
+            let reach = |focal: f32| (epsilon * focal / from.z) as i32;
+            let (across, down) = (reach(level.fx), reach(level.fy));
+            for y in (v - down).max(0)..=(v + down).min(height - 1) {
+                for x in (u - across).max(0)..=(u + across).min(width - 1) {
+                    if point(x, y).is_some_and(|to| (to - from).norm() < epsilon) {
+                        near[level.index(x, y)] |= kinds[level.index(u, v)];
+                    }
+                }
+            }
+        }
+    }
+    near
 }

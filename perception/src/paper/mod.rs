@@ -16,12 +16,12 @@ use std::time::Instant;
 use grip_sim::frame::CameraFrame;
 use grip_sim::objects::ObjectModel;
 use grip_sim::rng;
-use nalgebra::{Isometry3, Translation3, Vector3};
+use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
 use rand::{Rng, RngExt};
-use rand_distr::{Distribution, StandardNormal};
+use rand_distr::{Distribution, StandardNormal, UnitSphere};
 use rayon::prelude::*;
 
-pub use self::settings::{Centre, Holes, PaperSettings, Ranking};
+pub use self::settings::{Centre, Decay, Diffusion, FeatureMatch, Holes, PaperSettings, Ranking, Start};
 
 use self::weight::{Likelihood, Scratch};
 use crate::detector::{Detection, Detections};
@@ -104,7 +104,7 @@ impl PoseEstimator for PaperEstimator {
 pub(crate) struct Prepared<'a> {
     settings: &'a PaperSettings,
     observation: Observation,
-    /// Kinds of pixels at full resolution.
+    /// Kinds of pixels at the stride of the settings.
     features: Vec<u8>,
 }
 
@@ -117,7 +117,7 @@ impl<'a> Prepared<'a> {
             ..ObservationSettings::default()
         };
         let observation = Observation::new(frame, &prepared, None);
-        let features = features::observed(observation.level(Stride::One), settings);
+        let features = features::observed(observation.level(settings.stride), settings);
         Self { settings, observation, features }
     }
 
@@ -166,20 +166,29 @@ fn filter(
     rng: &mut impl Rng,
 ) -> Option<SearchResult> {
     let settings = likelihood.settings;
-    let spaces: Vec<Option<[f32; 2]>> = likelihood.boxes.iter().map(|b| depths(&b.bbox, frame)).collect();
+    let spaces: Vec<Option<Space>> =
+        likelihood.boxes.iter().map(|b| likelihood.space(&b.bbox, frame)).collect();
     let confidence = |i: &usize| if spaces[*i].is_some() { likelihood.boxes[*i].confidence } else { 0.0 };
     let indices: Vec<usize> = (0..spaces.len()).collect();
     let mut samples: Vec<Sample> = (0..settings.samples)
         .map_while(|_| {
             let &index = sample_by(&indices, confidence, rng)?;
-            let pose = initial(&likelihood.boxes[index].bbox, spaces[index]?, frame, rng);
+            let position = spaces[index].as_ref()?.draw(frame, rng);
+            let pose = Isometry3::from_parts(position.cast::<f32>().coords.into(), uniform_rotation(rng));
             Some(Sample { pose, index, weight: 0.0 })
         })
         .collect();
     let mut hypotheses = 0;
+    // The largest weight so far.
+    let mut running = 0.0_f32;
     for iteration in 0..settings.iterations {
         if iteration > 0 {
-            samples = resampled(&samples, settings, likelihood.boxes.len(), rng);
+            let best = match settings.decay_by {
+                Decay::Current => samples[0].weight,
+                Decay::Running => running,
+            };
+            let lambda = decay(best, settings);
+            samples = resampled(&samples, lambda, settings, likelihood.boxes.len(), rng);
         }
         samples.par_iter_mut().for_each_init(Scratch::default, |scratch, sample| {
             sample.weight = likelihood.weigh(scratch, &sample.pose, sample.index).total(settings);
@@ -188,6 +197,7 @@ fn filter(
         // Best first; equal ones stay in order.
         samples.sort_by(|a, b| b.weight.total_cmp(&a.weight));
         trace.iteration(hypotheses, samples.first().map(|best| &best.pose));
+        running = running.max(samples.first()?.weight);
         if samples.first()?.weight >= settings.converged {
             break;
         }
@@ -206,38 +216,72 @@ fn filter(
     })
 }
 
-/// The nearest and the farthest reading in a box, metres; none in a box without readings.
-fn depths([u0, v0, u1, v1]: &[f64; 4], frame: &CameraFrame) -> Option<[f32; 2]> {
+/// Where samples of a box begin.
+#[derive(Debug, PartialEq)]
+enum Space {
+    /// Anywhere that projects into the box between the nearest and the farthest reading in it, metres.
+    Frustum { bbox: [f64; 4], near: f64, far: f64 },
+    /// At these readings, camera frame.
+    Readings(Vec<Point3<f64>>),
+}
+
+impl Likelihood<'_> {
+    /// `None` for a box without readings.
+    fn space(&self, bbox: &[f64; 4], frame: &CameraFrame) -> Option<Space> {
+        let level = self.observation.level(Stride::One);
+        // What lies on the support is no object's.
+        let with_plane = self.observation.plane().is_some();
+        let own = |u: usize, v: usize| !with_plane || level.weight[level.index(u as i32, v as i32)] > 0.5;
+        match self.settings.start {
+            Start::Frustum => Space::frustum(bbox, frame),
+            // Where all is support, anywhere.
+            Start::Readings => Space::readings(bbox, frame, own).or_else(|| Space::frustum(bbox, frame)),
+        }
+    }
+}
+
+/// The readings in a box: pixel and metres along the optical axis.
+fn readings<'a>(
+    &[u0, v0, u1, v1]: &[f64; 4],
+    frame: &'a CameraFrame,
+) -> impl Iterator<Item = ([usize; 2], f64)> + use<'a> {
     let k = &frame.intrinsics;
-    let range = |low: &f64, high: &f64, size: usize| {
+    let range = |low: f64, high: f64, size: usize| {
         low.ceil().max(0.0) as usize..((high.floor().max(-1.0) + 1.0) as usize).min(size)
     };
-    let mut limits = [f32::MAX, 0.0];
-    for v in range(v0, v1, k.height) {
-        for u in range(u0, u1, k.width) {
-            let z = *frame.depth.at(u, v);
-            if is_reading(z) {
-                limits = [limits[0].min(z), limits[1].max(z)];
+    let columns = range(u0, u1, k.width);
+    let pixels = range(v0, v1, k.height).flat_map(move |v| columns.clone().map(move |u| [u, v]));
+    let reading = |[u, v]: [usize; 2]| ([u, v], *frame.depth.at(u, v));
+    pixels.map(reading).filter(|(_, z)| is_reading(*z)).map(|(at, z)| (at, f64::from(z)))
+}
+
+impl Space {
+    fn frustum(bbox: &[f64; 4], frame: &CameraFrame) -> Option<Self> {
+        let (near, far) =
+            readings(bbox, frame).fold((f64::MAX, 0.0_f64), |(near, far), (_, z)| (near.min(z), far.max(z)));
+        (far > 0.0).then_some(Self::Frustum { bbox: *bbox, near, far })
+    }
+
+    /// Those of the readings that are `own`.
+    fn readings(bbox: &[f64; 4], frame: &CameraFrame, own: impl Fn(usize, usize) -> bool) -> Option<Self> {
+        let points: Vec<Point3<f64>> = readings(bbox, frame)
+            .filter(|([u, v], _)| own(*u, *v))
+            .map(|([u, v], z)| frame.intrinsics.back_project(u as f64, v as f64, z))
+            .collect();
+        (!points.is_empty()).then_some(Self::Readings(points))
+    }
+
+    fn draw(&self, frame: &CameraFrame, rng: &mut impl Rng) -> Point3<f64> {
+        match self {
+            Self::Readings(points) => points[rng.random_range(0..points.len())],
+            Self::Frustum { bbox, near, far } => {
+                let mut between = |low: f64, high: f64| low + (high - low) * rng.random::<f64>();
+                let (u, v) = (between(bbox[0], bbox[2]), between(bbox[1], bbox[3]));
+                let z = between(near.powi(3), far.powi(3)).cbrt();
+                frame.intrinsics.back_project(u, v, z)
             }
         }
     }
-    (limits[1] > 0.0).then_some(limits)
-}
-
-/// Uniform in the part of space that projects into the box between two depths, and over all rotations.
-fn initial(
-    bbox: &[f64; 4],
-    [near, far]: [f32; 2],
-    frame: &CameraFrame,
-    rng: &mut impl Rng,
-) -> Isometry3<f32> {
-    let k = &frame.intrinsics;
-    let mut between = |low: f64, high: f64| low + (high - low) * rng.random::<f64>();
-    let (u, v) = (between(bbox[0], bbox[2]), between(bbox[1], bbox[3]));
-    let cubed = |z: f32| f64::from(z).powi(3);
-    let z = between(cubed(near), cubed(far)).cbrt();
-    let position = k.back_project(u, v, z).coords.cast::<f32>();
-    Isometry3::from_parts(Translation3::from(position), uniform_rotation(rng))
 }
 
 /// The factor of the diffusion (lambda_t) at the weight of the best sample.
@@ -247,9 +291,14 @@ fn decay(best: f32, settings: &PaperSettings) -> f32 {
 }
 
 /// Draws with replacement by weight, and diffuses; `samples` are sorted, best first.
-fn resampled(samples: &[Sample], settings: &PaperSettings, boxes: usize, rng: &mut impl Rng) -> Vec<Sample> {
+fn resampled(
+    samples: &[Sample],
+    lambda: f32,
+    settings: &PaperSettings,
+    boxes: usize,
+    rng: &mut impl Rng,
+) -> Vec<Sample> {
     let best = samples[0];
-    let lambda = decay(best.weight, settings);
     let (shift, turn) = (lambda * settings.sigma_m, lambda * settings.sigma_rad);
     let mut cumulative = Vec::with_capacity(samples.len());
     let mut sum = 0.0_f64;
@@ -270,9 +319,17 @@ fn resampled(samples: &[Sample], settings: &PaperSettings, boxes: usize, rng: &m
                 rng.random_range(0..samples.len())
             };
             let Sample { pose, mut index, .. } = samples[drawn];
-            let mut normal = || -> f32 { StandardNormal.sample(rng) };
-            let offset = Vector3::new(normal(), normal(), normal()) * shift;
-            let rotation = small_rotation(turn, rng) * pose.rotation;
+            let (offset, rotation) = match settings.diffusion {
+                Diffusion::Axes => (gaussian(rng) * shift, small_rotation(turn, rng)),
+                Diffusion::Length => {
+                    let mut step = |sigma: f32| {
+                        let length: f32 = StandardNormal.sample(rng);
+                        Vector3::from(<[f32; 3]>::from(UnitSphere.sample(rng))) * (length * sigma)
+                    };
+                    (step(shift), UnitQuaternion::from_scaled_axis(step(turn)))
+                }
+            };
+            let rotation = rotation * pose.rotation;
             if rng.random::<f64>() < settings.box_jump {
                 index = rng.random_range(0..boxes);
             }
@@ -280,4 +337,10 @@ fn resampled(samples: &[Sample], settings: &PaperSettings, boxes: usize, rng: &m
             Sample { pose: moved, index, weight: 0.0 }
         })
         .collect()
+}
+
+/// A vector of standard normals.
+fn gaussian(rng: &mut impl Rng) -> Vector3<f32> {
+    let mut normal = || -> f32 { StandardNormal.sample(rng) };
+    Vector3::new(normal(), normal(), normal())
 }

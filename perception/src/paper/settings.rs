@@ -4,6 +4,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::checks::{Checked, part, within};
+use crate::observation::Stride;
 use crate::support::SupportSettings;
 
 /// Largest side of a window, pixels.
@@ -39,6 +40,49 @@ pub enum Centre {
     Image,
     /// Into its box.
     Box,
+}
+
+/// Where samples begin in the space that a box indicates ("uniformly within the 3D workspaces indicated by sampled bounding
+/// boxes").
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum Start {
+    /// Anywhere that projects into the box, between its nearest and its farthest reading. The literal reading.
+    Frustum,
+    /// At readings in the box, with a support plane those above it.
+    Readings,
+}
+
+/// Which features of the observation a hypothesis's feature may match.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum FeatureMatch {
+    /// That of the same pixel. The literal reading ("the same inlier calculation").
+    Pixel,
+    /// Any within epsilon of the point that is seen in its pixel.
+    Near,
+}
+
+/// Whose weight the diffusion shrinks by ("the weight of best pose estimation at that iteration").
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum Decay {
+    /// The best sample's of the iteration. The literal reading.
+    Current,
+    /// The best one's so far.
+    Running,
+}
+
+/// What has the diffusion's standard deviations ("zero-mean Gaussian noises N(0, sigma^2)" of a pose, with one number each for
+/// translation and rotation).
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum Diffusion {
+    /// Each of three axes: a step is hardly ever small (one of 0.07 m a axis is below 1 cm once in 1,300). The literal reading.
+    Axes,
+    /// The length of the step and the angle of the turn, in a direction and about an axis that are drawn evenly: many steps are
+    /// small (below 1 cm one in nine).
+    Length,
 }
 
 /// Settings of [`PaperEstimator`](crate::PaperEstimator). The default is the published method, read literally; section and equation
@@ -84,6 +128,8 @@ pub struct PaperSettings {
     pub ranking: Ranking,
     /// OPEN in the paper: whether the limits hold for the observation's features too, or only for a hypothesis's.
     pub limit_observed: bool,
+    /// OPEN in the paper: which of them a hypothesis's feature may match.
+    pub feature_match: FeatureMatch,
     /// OPEN in the paper: half the side of the neighbourhood N of a point, pixels.
     pub neighbours: usize,
     /// OPEN in the paper: neighbours without a point.
@@ -91,6 +137,16 @@ pub struct PaperSettings {
     /// OPEN in the paper: the chance, each iteration, that a sample's box is drawn anew among all boxes ("diffused
     /// uniformly within the image").
     pub box_jump: f64,
+    /// OPEN in the paper: at what part of the image's resolution hypotheses are rendered and compared. ("The sample size is
+    /// limited by the buffer size"; epsilon is "approximated distance between adjacent points", which at 0.8 m is 6 mm at a
+    /// quarter of 640 x 480.)
+    pub stride: Stride,
+    /// OPEN in the paper: where samples begin.
+    pub start: Start,
+    /// OPEN in the paper: whose weight the diffusion shrinks by.
+    pub decay_by: Decay,
+    /// OPEN in the paper: what has the diffusion's standard deviations.
+    pub diffusion: Diffusion,
     /// Triangles of the model that is rendered; their depth is off by 0.1 to 0.6 mm on average, a tenth of epsilon.
     pub triangles: usize,
 
@@ -99,7 +155,7 @@ pub struct PaperSettings {
     pub resampling_exponent: f32,
     /// Whether the best sample survives as it is (false).
     pub keep_best: bool,
-    /// Samples that cover fewer pixels weigh nothing (0).
+    /// Samples that cover fewer pixels of the image weigh nothing (0).
     pub min_pixels: usize,
     /// Where a sample's centre must be, or it weighs nothing (anywhere).
     pub centre: Centre,
@@ -129,9 +185,14 @@ impl Default for PaperSettings {
             window_planes: 2,
             ranking: Ranking::Smoothness,
             limit_observed: true,
+            feature_match: FeatureMatch::Pixel,
             neighbours: 2,
             holes: Holes::Skip,
             box_jump: 1.0,
+            stride: Stride::One,
+            start: Start::Frustum,
+            decay_by: Decay::Current,
+            diffusion: Diffusion::Axes,
             triangles: 500,
             resampling_exponent: 1.0,
             keep_best: false,

@@ -116,6 +116,30 @@ fn a_step_has_edges_and_a_wall_planar_points_no_more_than_a_window_may() {
     assert_eq!(edges, 9 * 5);
 }
 
+#[test]
+fn features_may_match_within_epsilon() {
+    // At 0.8 and 0.9 m a pixel is 1.3 and 1.5 mm wide, so 5 mm are three pixels; 10 cm of depth are far.
+    let frame = frame(|u, v| if (u * 7 + v * 13) % 11 == 0 { 0.0 } else { [0.8, 0.9][usize::from(u >= 32)] });
+    let settings = PaperSettings { feature_match: FeatureMatch::Near, ..PaperSettings::default() };
+    let observation = observation(&frame, 0.005);
+    let level = observation.level(Stride::One);
+    let own = observed(level, &PaperSettings { feature_match: FeatureMatch::Pixel, ..settings.clone() });
+    let near = observed(level, &settings);
+    let pixels = || (0..CAMERA.height).flat_map(|v| (0..CAMERA.width).map(move |u| (u, v)));
+    let points: Vec<(usize, Point3<f64>)> = pixels()
+        .map(|(u, v)| (u, v, f64::from(*frame.depth.at(u, v))))
+        .filter(|(_, _, z)| *z > 0.0)
+        .map(|(u, v, z)| (level.index(u as i32, v as i32), CAMERA.back_project(u as f64, v as f64, z)))
+        .collect();
+    let mut more = 0;
+    for (at, point) in &points {
+        let within = |kind| points.iter().any(|(other, p)| own[*other] == kind && (p - point).norm() < 0.005);
+        assert_eq!([EDGE, PLANE].map(|kind| near[*at] & kind != 0), [EDGE, PLANE].map(within), "{point}");
+        more += usize::from(near[*at] != own[*at]);
+    }
+    assert!(more > 500, "{more}");
+}
+
 /// A square plate of half-width 0.01 m that faces the camera.
 fn plate() -> Model {
     let corner = |x: f32, y: f32| Point3::new(x, y, 0.0);
@@ -177,16 +201,25 @@ fn the_diffusion_decays_as_published() {
 fn samples_begin_uniformly_in_the_space_of_their_box() {
     let frame = frame(|_, v| if v < 24 { 1.0 } else { 2.0 });
     let bbox = [10.0, 10.0, 50.0, 40.0];
-    assert_eq!(depths(&bbox, &frame), Some([1.0, 2.0]));
-    assert_eq!(depths(&[10.0, 10.0, 50.0, 20.0], &frame), Some([1.0, 1.0]));
-    assert_eq!(depths(&[70.0, 10.0, 90.0, 20.0], &frame), None);
+    let frustum = |bbox: [f64; 4]| Space::frustum(&bbox, &frame);
+    let space = frustum(bbox).unwrap();
+    assert_eq!(space, Space::Frustum { bbox, near: 1.0, far: 2.0 });
+    let near_only = [10.0, 10.0, 50.0, 20.0];
+    assert_eq!(frustum(near_only), Some(Space::Frustum { bbox: near_only, near: 1.0, far: 1.0 }));
+    assert_eq!(frustum([70.0, 10.0, 90.0, 20.0]), None);
+    // At readings: only those that are an object's.
+    let readings = Space::readings(&bbox, &frame, |_, v| v >= 24).unwrap();
+    let Space::Readings(points) = &readings else { unreachable!() };
+    assert_eq!(points.len(), 41 * 17);
+    assert!(points.contains(&readings.draw(&frame, &mut rng::stream(1, "test"))));
+    assert_eq!(Space::readings(&bbox, &frame, |_, _| false), None);
     let mut rng = rng::stream(1, "test");
     let mut near = 0;
     for _ in 0..4000 {
-        let pose = initial(&bbox, [1.0, 2.0], &frame, &mut rng);
-        let at = CAMERA.project(&Point3::from(pose.translation.vector.cast::<f64>())).unwrap();
+        let point = space.draw(&frame, &mut rng);
+        let at = CAMERA.project(&point).unwrap();
         assert!((10.0..=50.0).contains(&at.x) && (10.0..=40.0).contains(&at.y));
-        near += usize::from(pose.translation.z < 1.5);
+        near += usize::from(point.z < 1.5);
     }
     // Volume grows with the cube of depth: (1.5^3 - 1) / (2^3 - 1) = 0.339.
     assert!((f64::from(near as u32) / 4000.0 - 0.339).abs() < 0.03, "{near}");
@@ -203,7 +236,7 @@ fn samples_are_drawn_by_weight_and_moved_by_sigma() {
     let (mut counts, mut squares, mut angles) = ([0.0; 3], 0.0, 0.0);
     let rounds = 2000;
     for round in 0..rounds {
-        for drawn in resampled(&samples, &settings, 1, &mut rng::stream(round, "test")) {
+        for drawn in resampled(&samples, 1.0, &settings, 1, &mut rng::stream(round, "test")) {
             let which = (drawn.pose.translation.x / 10.0).round();
             counts[which as usize - 1] += 1.0 / (3.0 * rounds as f64);
             squares += f64::from(drawn.pose.translation.x - 10.0 * which).powi(2) / (3.0 * rounds as f64);
@@ -214,9 +247,35 @@ fn samples_are_drawn_by_weight_and_moved_by_sigma() {
         assert!((count - share).abs() < 0.03, "{counts:?}");
     }
     assert!((squares.sqrt() / 0.07 - 1.0).abs() < 0.04 && (angles.sqrt() / 0.3 - 1.0).abs() < 0.04);
-    let kept =
-        resampled(&samples, &PaperSettings { keep_best: true, ..settings }, 1, &mut rng::stream(1, "test"));
+    let kept = resampled(
+        &samples,
+        1.0,
+        &PaperSettings { keep_best: true, ..settings },
+        1,
+        &mut rng::stream(1, "test"),
+    );
     assert_eq!(kept[0].pose, samples[0].pose);
+}
+
+#[test]
+fn steps_of_a_length_are_often_small() {
+    let start = Sample { pose: Isometry3::identity(), index: 0, weight: 1.0 };
+    let settings = PaperSettings { diffusion: Diffusion::Length, ..PaperSettings::default() };
+    let moved = resampled(&vec![start; 20_000], 1.0, &settings, 1, &mut rng::stream(1, "test"));
+    let count = moved.len() as f32;
+    for (sigma, length) in [
+        (0.07, moved.iter().map(|s| s.pose.translation.vector).collect::<Vec<_>>()),
+        (0.3, moved.iter().map(|s| s.pose.rotation.scaled_axis()).collect()),
+    ] {
+        let square = length.iter().map(Vector3::norm_squared).sum::<f32>() / count;
+        assert!((square.sqrt() / sigma - 1.0).abs() < 0.02, "{square}");
+        // A normal number is below a seventh of its deviation in 0.1136 of cases; three axes in 0.00077.
+        let small = length.iter().filter(|step| step.norm() < sigma / 7.0).count() as f32 / count;
+        assert!((small - 0.1136).abs() < 0.01, "{small}");
+        // In every direction.
+        let mean = length.iter().sum::<Vector3<f32>>() / count;
+        assert!(mean.norm() < 0.02 * sigma, "{mean}");
+    }
 }
 
 #[test]

@@ -6,7 +6,7 @@ use super::features::{Features, Patch, Ranked, Smoothness, compute};
 use super::settings::{Centre, PaperSettings};
 use crate::detector::Detection;
 use crate::hypotheses::{Isa, Lod, Raster, Tile, render};
-use crate::observation::{Observation, Stride};
+use crate::observation::{Level, Observation};
 use grip_sim::lanes::per_machine;
 
 /// The terms of W of one hypothesis, each 0 to 1.
@@ -62,7 +62,7 @@ impl Likelihood<'_> {
     pub fn weigh(&self, scratch: &mut Scratch, pose: &Isometry3<f32>, index: usize) -> Weight {
         let bounding = &self.boxes[index];
         let nothing = Weight { confidence: bounding.confidence as f32, ..Weight::default() };
-        let level = self.observation.level(Stride::One);
+        let level = self.observation.level(self.settings.stride);
         if !self.centred(pose, &bounding.bbox) {
             return Weight::default();
         }
@@ -73,11 +73,11 @@ impl Likelihood<'_> {
         let tile = &raster.tile;
         let patch = patch(tile, [level.width, level.height]);
         let Counts { rendered, inliers, in_box, inliers_in_box } =
-            count(Isa::best(), self.observation, patch, &bounding.bbox, inlier);
+            count(Isa::best(), self, patch, &on_level(&bounding.bbox, level), inlier);
         if rendered == 0 {
             return nothing;
         }
-        if rendered < self.settings.min_pixels {
+        if rendered * self.settings.stride.pixels().pow(2) < self.settings.min_pixels {
             return Weight::default();
         }
         let share = |part: usize, whole: usize| if whole == 0 { 0.0 } else { part as f32 / whole as f32 };
@@ -126,7 +126,7 @@ fn count_features_body(
     inlier: &mut [u8],
     likelihood: &Likelihood<'_>,
 ) -> [[usize; 2]; 2] {
-    let level = likelihood.observation.level(Stride::One);
+    let level = likelihood.observation.level(likelihood.settings.stride);
     let Patch { origin, width, height, .. } = patch;
     for (y, line) in inlier.chunks_exact_mut(width.max(1)).enumerate() {
         let kinds = &likelihood.features[level.index(origin[0], origin[1] + y as i32)..][..width];
@@ -140,19 +140,19 @@ fn count_features_body(
 
 per_machine! {
     /// Counts inliers (equations "inlier" and "inlier_n"), and marks them.
-    fn count(observation: &Observation, patch: Patch<'_>, bbox: &[f64; 4], inlier: &mut Vec<u8>) -> Counts => count_body
+    fn count(likelihood: &Likelihood<'_>, patch: Patch<'_>, bbox: &[f64; 4], inlier: &mut Vec<u8>) -> Counts => count_body
 }
 
 #[inline(always)]
 fn count_body(
-    observation: &Observation,
+    likelihood: &Likelihood<'_>,
     patch: Patch<'_>,
     [u0, v0, u1, v1]: &[f64; 4],
     inlier: &mut Vec<u8>,
 ) -> Counts {
-    let level = observation.level(Stride::One);
+    let level = likelihood.observation.level(likelihood.settings.stride);
     // With a plane, what lies on it is nobody's.
-    let least = if observation.plane().is_some() { 0.5 } else { -1.0 };
+    let least = if likelihood.observation.plane().is_some() { 0.5 } else { -1.0 };
     inlier.clear();
     inlier.resize(patch.width * patch.height, 0);
     // The columns whose pixels lie in the box.
@@ -181,6 +181,13 @@ fn count_body(
         }
     }
     counts
+}
+
+/// A box of the image in pixels of a level.
+fn on_level(bbox: &[f64; 4], level: &Level) -> [f64; 4] {
+    let stride = level.stride.pixels() as f64;
+    // The middle of a block of pixels is the middle of the level's pixel.
+    bbox.map(|edge| (edge - (stride - 1.0) / 2.0) / stride)
 }
 
 #[derive(Debug, Clone, Copy, Default)]
