@@ -105,8 +105,12 @@ impl Searches<'_> {
             let of_image = image_seed(seed, self.image);
             let detections = self.boxes.of(&bop, &frame, &all, of_image)?;
             let looked_for = self.boxes.looked_for(&detections, &searched);
-            let searched: Vec<_> =
-                searched.iter().zip(looked_for).filter_map(|(model, is)| is.then(|| model.clone())).collect();
+            let searched: Vec<_> = searched
+                .iter()
+                .cloned()
+                .zip(looked_for)
+                .filter_map(|(model, is)| is.then_some(model))
+                .collect();
             for (estimator, contender) in contenders.iter().enumerate() {
                 anyhow::ensure!(!progress.cancelled(), Interrupted);
                 let beliefs = contender.estimator.estimate(&frame, &detections, &searched, of_image)?;

@@ -324,7 +324,8 @@ fn resampled(
                 Diffusion::Length => {
                     let mut step = |sigma: f32| {
                         let length: f32 = StandardNormal.sample(rng);
-                        Vector3::from(<[f32; 3]>::from(UnitSphere.sample(rng))) * (length * sigma)
+                        let direction: [f32; 3] = UnitSphere.sample(rng);
+                        Vector3::from(direction) * (length * sigma)
                     };
                     (step(shift), UnitQuaternion::from_scaled_axis(step(turn)))
                 }
