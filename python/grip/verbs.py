@@ -648,6 +648,38 @@ def convergence(
     return _results.of("convergence", options, *_run("convergence", options, progress))
 
 
+def reproduce(
+    what: Literal["table1"],
+    *,
+    out: Optional[Path] = None,
+    methods: Optional[Union[str, Sequence[str]]] = None,
+    scenes: Optional[int] = None,
+    seed: Optional[int] = None,
+    real: Optional[Path] = None,
+    progress: Optional[bool] = None,
+) -> dict[str, Any]:
+    r"""Redo a table of the GRIP paper: scenes, every method, the table, in one command that can be stopped and run again.
+
+    Args:
+        what: What: `table1`, the areas under the accuracy curve of 15 objects in three settings.
+        out: Folder of the data set, the poses and the table; what the same command made there before is kept. Default:
+            runs/table1.
+        methods: Methods, separated by commas or each behind an option of its own: grip; paper-guarded, the filter of the
+            paper with its guards; sum, that over hard detections; paper, the filter to the letter; or a program of your
+            own, NAME=cmd:PROGRAM ARGUMENTS. Default: grip,paper-guarded,sum.
+        scenes: Scenes, seven frames each. Default: 40.
+        seed: Seed of the scenes. Default: 901.
+        real: A data set of real frames that the same methods estimate, too.
+        progress: Whether to show a bar, which needs tqdm. Default: where tqdm is installed.
+
+    Raises:
+        Error: With the text that the command prints.
+    """
+    options = {key: value for key, value in locals().items() if key != "progress" and value is not False}
+    options["json"] = True
+    return _results.of("reproduce", options, *_run("reproduce", options, progress))
+
+
 def grasps(
     names: Optional[Union[str, Sequence[str]]] = None,
     *,

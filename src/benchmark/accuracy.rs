@@ -35,7 +35,7 @@ pub fn figure(dataset: &str, results: &[(String, &[Case])]) -> Figure {
 
 /// Corners of the step function from 0 to `most`: threshold and share of errors that are not larger. The area under it,
 /// divided by `most`, is [`auc`].
-fn steps(errors: &[f64], most: f64) -> Vec<(f64, f64)> {
+pub(super) fn steps(errors: &[f64], most: f64) -> Vec<(f64, f64)> {
     let total = errors.len().max(1) as f64;
     let mut errors: Vec<f64> = errors.iter().copied().filter(|error| *error <= most).collect();
     errors.sort_by(f64::total_cmp);

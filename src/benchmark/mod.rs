@@ -14,6 +14,7 @@ mod paper;
 mod presence;
 mod published;
 mod support;
+mod table1;
 
 pub use accuracy::figure as accuracy_figure;
 pub use boxes::{Boxes, FileBox};
@@ -32,3 +33,4 @@ pub use paper::{Area, PaperTable};
 pub use presence::Presence;
 pub use published::METHODS;
 pub use support::for_dataset;
+pub use table1::{Method, Table, curves};

@@ -61,7 +61,7 @@ pub struct Overall {
 }
 
 /// An area, ours and the published ones, 0 to 1.
-#[derive(Debug, Serialize, JsonSchema)]
+#[derive(Debug, Clone, Serialize, JsonSchema)]
 pub struct Area {
     /// Instances that were asked for.
     pub instances: usize,

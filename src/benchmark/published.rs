@@ -14,6 +14,10 @@ pub const GROUPS: [(&str, &[&str]); 3] =
 /// The rivals, in the order of the columns.
 pub const METHODS: [&str; 3] = ["DOPE", "PoseCNN+ICP", "GRIP"];
 
+/// The objects of which the paper draws curves: DOPE knows them.
+pub const DRAWN: [&str; 4] =
+    ["003_cracker_box", "005_tomato_soup_can", "006_mustard_bottle", "010_potted_meat_can"];
+
 /// One of the paper's objects.
 #[derive(Debug)]
 pub struct PaperObject {

@@ -377,6 +377,105 @@ pub struct ConvergenceArgs {
     pub json: bool,
 }
 
+/// `grip reproduce`.
+#[derive(Debug, Args)]
+pub struct ReproduceArgs {
+    /// What: `table1`, the areas under the accuracy curve of 15 objects in three settings.
+    #[arg(value_enum)]
+    pub what: Reproduction,
+    /// Folder of the data set, the poses and the table; what the same command made there before is kept.
+    #[arg(long, value_name = "DIR", default_value = "runs/table1")]
+    pub out: PathBuf,
+    /// Methods, separated by commas or each behind an option of its own: grip; paper-guarded, the filter of the paper with its guards;
+    /// sum, that over hard detections; paper, the filter to the letter; or a program of your own, NAME=cmd:PROGRAM ARGUMENTS.
+    #[arg(long, value_name = "LIST", value_delimiter = ',', default_values = ["grip", "paper-guarded", "sum"])]
+    pub methods: Vec<MethodChoice>,
+    /// Scenes, seven frames each.
+    #[arg(long, value_name = "N", default_value_t = 40, value_parser = clap::value_parser!(u32).range(1..=999_999))]
+    pub scenes: u32,
+    /// Seed of the scenes.
+    #[arg(long, default_value_t = 901)]
+    pub seed: u64,
+    /// A data set of real frames that the same methods estimate, too.
+    #[arg(long, value_name = "DATASET")]
+    pub real: Option<PathBuf>,
+    /// Print the figures as JSON.
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// What can be reproduced.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum Reproduction {
+    /// Table I of Chen et al. 2019.
+    Table1,
+}
+
+/// A column of the table.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum MethodChoice {
+    /// An estimator of ours behind PyramidCNN.
+    Grip,
+    /// The paper's filter with guards,
+    PaperGuarded,
+    /// the same over hard detections,
+    Sum,
+    /// and to the letter.
+    Paper,
+    /// A program, by its name and as `--estimator` has it.
+    Program(String, String),
+}
+
+impl MethodChoice {
+    /// The name of the column, and of its files.
+    pub fn title(&self) -> String {
+        match self {
+            Self::Grip => "grip",
+            Self::PaperGuarded => "paper-guarded",
+            Self::Sum => "sum",
+            Self::Paper => "paper",
+            Self::Program(name, _) => name,
+        }
+        .to_owned()
+    }
+
+    /// The options of `grip estimate`.
+    pub fn options(&self) -> Vec<String> {
+        let words: &[&str] = match self {
+            Self::Grip => &["--estimator", "grip"],
+            Self::PaperGuarded => &["--estimator", "paper-guarded"],
+            Self::Sum => &["--estimator", "paper-guarded", "--min-confidence", "0.5"],
+            Self::Paper => &["--estimator", "paper"],
+            Self::Program(_, program) => &["--estimator", program, "--boxes", "pyramid"],
+        };
+        words.iter().map(|word| (*word).to_owned()).collect()
+    }
+}
+
+impl std::str::FromStr for MethodChoice {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        Ok(match text {
+            "grip" => Self::Grip,
+            "paper-guarded" => Self::PaperGuarded,
+            "sum" => Self::Sum,
+            "paper" => Self::Paper,
+            _ => match text.split_once('=') {
+                Some((name, program)) if program.starts_with("cmd:") && is_name(name) => {
+                    Self::Program(name.to_owned(), program.to_owned())
+                }
+                _ => return Err("must be grip, paper-guarded, sum, paper, or NAME=cmd:PROGRAM".to_owned()),
+            },
+        })
+    }
+}
+
+/// Whether files can be called so.
+fn is_name(text: &str) -> bool {
+    !text.is_empty() && text.chars().all(|c| c.is_alphanumeric() || "-_+".contains(c))
+}
+
 /// An estimator, and the file of its settings.
 #[derive(Debug, Clone)]
 pub struct SearchChoice {

@@ -25,7 +25,8 @@ pub use campaigns::{
     CampaignArgs, CampaignCommand, CampaignMergeArgs, CampaignPlanArgs, CampaignRunArgs, CampaignStatusArgs,
 };
 pub use data_sets::{
-    ConvergenceArgs, DetectArgs, DetectorArgs, EstimateArgs, EvalArgs, ExplainArgs, ScenesArgs, SearchChoice,
+    ConvergenceArgs, DetectArgs, DetectorArgs, EstimateArgs, EvalArgs, ExplainArgs, MethodChoice,
+    ReproduceArgs, ScenesArgs, SearchChoice,
 };
 pub use experiments::{MergeArgs, ReportArgs, SweepArgs, TrialsArgs};
 pub use objects::{AddArgs, ObjectTables, ObjectsArgs, ObjectsCommand, ObjectsListArgs, is_table};
@@ -74,6 +75,8 @@ pub enum Command {
     Explain(ExplainArgs),
     /// Draw how searches converge: error of the best pose against iterations and time.
     Convergence(ConvergenceArgs),
+    /// Redo a table of the GRIP paper: scenes, every method, the table, in one command that can be stopped and run again.
+    Reproduce(ReproduceArgs),
     /// Find the grasps of objects and save them as files, for `pack --grasps` and for other programs.
     Grasps(GraspsArgs),
     /// Write a settled scene for another program: MuJoCo's MJCF.

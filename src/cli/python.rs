@@ -15,7 +15,7 @@ use crate::estimators::{EstimatorKind, NetworkChoice};
 use crate::graspers::GrasperKind;
 
 /// The functions: a verb, its name where that is another, and what it returns.
-const VERBS: [(&str, &str, &str); 18] = [
+const VERBS: [(&str, &str, &str); 19] = [
     ("pack", "pack", "Trial"),
     ("trials", "trials", "Trials"),
     ("merge", "merge", "Trials"),
@@ -29,6 +29,7 @@ const VERBS: [(&str, &str, &str); 18] = [
     ("eval", "evaluate", "Evaluation"),
     ("explain", "explain", "dict[str, Any]"),
     ("convergence", "convergence", "dict[str, Any]"),
+    ("reproduce", "reproduce", "dict[str, Any]"),
     ("grasps", "grasps", "Any"),
     ("export", "export", "None"),
     ("convert", "convert", "None"),

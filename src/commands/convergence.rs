@@ -47,8 +47,23 @@ struct EstimatorSummary<'a> {
     summary: &'a SearchSummary,
 }
 
-/// Draws the figure.
+/// What was searched, by whom, with which settings.
+pub struct Drawn {
+    dataset: Dataset,
+    contenders: Vec<Contender>,
+    settings: Vec<Value>,
+    found: Convergence,
+}
+
+/// Draws the figure and says what came out.
 pub fn run(args: &ConvergenceArgs) -> Result<Done> {
+    let Drawn { dataset, contenders, settings, found } = draw(args)?;
+    report(args, &dataset, &contenders, &settings, &found)?;
+    Ok(Done::Fully)
+}
+
+/// Draws the figure.
+pub fn draw(args: &ConvergenceArgs) -> Result<Drawn> {
     plot::check_place(&args.out)?;
     anyhow::ensure!(
         args.estimator.len() <= plot::MOST_CURVES,
@@ -81,8 +96,7 @@ pub fn run(args: &ConvergenceArgs) -> Result<Done> {
     let found = found?;
     let title = format!("Convergence: scene {}, image {}, boxes {}", args.scene, args.image, args.boxes);
     plot::write(&found.figure(title, &contenders), &args.out)?;
-    report(args, &dataset, &contenders, &settings, &found)?;
-    Ok(Done::Fully)
+    Ok(Drawn { dataset, contenders, settings, found })
 }
 
 /// In the figure: the estimator, and its settings file where it has one.

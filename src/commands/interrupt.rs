@@ -47,6 +47,12 @@ pub fn kept(command: &Command) -> Option<String> {
         Command::Sweep(args) => ("grasps", &args.out),
         Command::Scenes(args) => ("scenes", &args.out),
         Command::Estimate(args) => ("images", &args.out),
+        Command::Reproduce(args) => {
+            return Some(format!(
+                "what is finished is kept; the same command goes on: {}",
+                args.out.display()
+            ));
+        }
         _ => return None,
     };
     Some(format!("finished {what} are kept; the same command with --resume goes on: {}", out.display()))

@@ -21,6 +21,7 @@ mod pack;
 mod plan;
 mod render;
 mod report;
+mod reproduce;
 mod robot;
 mod scenes;
 pub(crate) mod schemas;
@@ -182,6 +183,7 @@ fn run(cli: Cli) -> anyhow::Result<Done> {
         Command::Eval(args) => eval::run(&args),
         Command::Explain(args) => explain::run(&args),
         Command::Convergence(args) => convergence::run(&args),
+        Command::Reproduce(args) => reproduce::run(&args),
         Command::Grasps(args) => grasps::run(&args),
         Command::Export(args) => export::run(&args),
         Command::Convert(args) => convert::run(&args),

@@ -27,7 +27,8 @@ use schemars::generate::{Contract, SchemaSettings};
 use serde_json::{Value, json};
 
 use super::{
-    convergence, detect, estimate, eval, explain, objects, plan as planning, render, robot, scenes, trials,
+    convergence, detect, estimate, eval, explain, objects, plan as planning, render, reproduce, robot,
+    scenes, trials,
 };
 
 /// Every schema (draft 2020-12), by the name of its file: `scene` is that of `scene.json` in `docs/schemas`.
@@ -93,6 +94,7 @@ pub fn all() -> Vec<(&'static str, Value)> {
         ("plan", written::<planning::PlanReport<'_>>(Some(planning::SCHEMA))),
         ("robot", written::<robot::RobotReport<'_>>(Some(robot::SCHEMA))),
         ("scenes", written::<scenes::ScenesReport<'_>>(Some(scenes::SCHEMA))),
+        ("table1", written::<reproduce::Table1<'_>>(Some(reproduce::SCHEMA))),
         ("sweep-summary", written::<super::sweep::SweepSummary<'_>>(Some(super::sweep::SUMMARY_SCHEMA))),
     ]
 }

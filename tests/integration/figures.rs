@@ -288,3 +288,51 @@ fn convergence_ends_where_an_estimate_does() {
     let args = ["convergence", text(&set), "--scene", "1", "--image", "0", "--out", text(&nowhere)];
     refused(&args, "another place");
 }
+
+#[test]
+fn table_one_is_redone_from_nothing_and_kept() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("table");
+    let args = [
+        "reproduce",
+        "table1",
+        "--scenes",
+        "1",
+        "--seed",
+        "4",
+        "--methods",
+        "grip",
+        "--out",
+        text(&out),
+        "--json",
+    ];
+    let first: Value = serde_json::from_str(&run(&args)).unwrap();
+    let written = |name: &str| std::fs::read_to_string(out.join(name)).unwrap();
+    assert_eq!(first, serde_json::from_str::<Value>(&written("table1.json")).unwrap());
+    // The figures are those of the commands that it names.
+    let set = out.join("set");
+    let eval = run(&["eval", text(&set), text(&out.join("grip.csv")), "--paper", "--json"]);
+    let eval: Value = serde_json::from_str(&eval).unwrap();
+    assert_eq!(first["methods"][0]["table"], eval["paper"]);
+    assert!(
+        first["scenes"].as_str().unwrap().starts_with("grip scenes --seed 4 --scenes 1 --out "),
+        "{first}"
+    );
+    let overall = eval["paper"]["groups"][0]["overall"]["auc"].as_f64().unwrap();
+    for (name, expected) in [
+        ("table1.md", format!("| Overall | **{overall:.3}** |")),
+        ("table1.tex", format!("Overall & \\textbf{{{overall:.3}}} &")),
+        ("table1.html", format!("<tr><td>Overall<td class=n><b>{overall:.3}</b>")),
+        ("accuracy.svg", "006_mustard_bottle, occlusions".to_owned()),
+        ("convergence.svg", "ADD-S by iteration".to_owned()),
+    ] {
+        assert!(written(name).contains(&expected), "{name}: {expected}");
+    }
+    // Nothing is estimated again.
+    let stamp = || std::fs::metadata(out.join("grip.csv")).unwrap().modified().unwrap();
+    let before = stamp();
+    assert_eq!(serde_json::from_str::<Value>(&run(&args)).unwrap(), first);
+    assert_eq!(stamp(), before);
+    refused(&["reproduce", "table1", "--methods", "grip,grip"], "grip is there twice");
+    refused(&["reproduce", "table1", "--methods", "posecnn"], "NAME=cmd:PROGRAM");
+}

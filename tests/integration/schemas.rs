@@ -187,6 +187,8 @@ fn files_keep_to_their_schemas() {
     let figure = tour.path("convergence.svg");
     let search = ["--scene", "1", "--image", "0", "--seeds", "1", "--boxes", "gt", "--out", &figure];
     tour.prints("convergence", &[&["convergence", &set], &search[..]].concat());
+    let table = ["--scenes", "1", "--methods", "grip", "--out", &tour.path("table1")];
+    tour.prints("table1", &[&["reproduce", "table1"], &table[..]].concat());
 
     let given: Vec<&Path> = tour.files.iter().map(Path::new).collect();
     common::python("check_schemas.py", "jsonschema", &given);
