@@ -228,7 +228,7 @@ fn write(args: &ReproduceArgs, scenes: &str, columns: &[Column]) -> Result<()> {
 /// What the numbers are.
 const NOTE: &str = "Area under the accuracy-threshold curve up to 4 cm, mean of the objects, with 95 % intervals of the last row (scenes \
                     drawn again); ADD-S for objects with a star, ADD for the others. Columns marked \"paper\" are Chen et al. 2019, Table I, \
-                    on its own real scenes: no contest on one data set.";
+                    on its own real scenes, the last row over the objects that ours hold: no contest on one data set.";
 
 fn markdown(table: &Table, columns: &[Column], commands: &[&str]) -> String {
     let mut text = format!("# Table I\n\n{NOTE}\n\n{}\n", table.markdown());
