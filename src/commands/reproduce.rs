@@ -10,12 +10,14 @@ use grip_sim::bop::{self, Dataset};
 use grip_sim::render;
 use schemars::JsonSchema;
 use serde::Serialize;
+use serde_json::json;
 
 use super::output::{self, Bar};
 use super::{Done, convergence};
 use crate::benchmark::{Evaluation, Figures, Method, PaperTable, Table, curves, evaluate};
 use crate::cli::{Cli, Command, EstimateArgs, MethodChoice, ReproduceArgs, ScenesArgs};
 use crate::dataset::{self, Plan};
+use crate::scenario::program;
 use crate::setup::{ADVERSARIAL, Setup};
 use crate::{html, plot, workers};
 
@@ -63,6 +65,10 @@ pub fn run(args: &ReproduceArgs) -> Result<Done> {
             args.methods[..i].iter().all(|other| other.title() != title),
             "--methods: {title} is there twice; give each a name of its own"
         );
+    }
+    // Before hours of computing, not after.
+    if let Some(frames) = &args.real {
+        Dataset::open(frames, None).context("--real")?;
     }
     std::fs::create_dir_all(&args.out)
         .with_context(|| format!("--out {}: cannot be made; give another place", args.out.display()))?;
@@ -151,12 +157,13 @@ fn estimate_words(method: &MethodChoice, set: &str, folder: &str, suffix: &str) 
     (all, results.into())
 }
 
-/// Poses that the same command made before are kept, whole files and single images.
+/// Poses that the same command of the same build made before are kept, whole files and single images.
 fn estimate(words: &[String], results: &Path, method: &MethodChoice) -> Result<()> {
     let Command::Estimate(args) = parsed(words)? else { anyhow::bail!("no command that estimates") };
     let EstimateArgs { out, .. } = &args;
     let opened = super::estimate::open(&args)?;
-    let (mark, described) = (results.with_extension("json"), opened.description().to_string());
+    let mark = results.with_extension("json");
+    let described = json!({ "program": program(), "estimate": opened.description() }).to_string();
     if results.is_file() && std::fs::read_to_string(&mark).is_ok_and(|known| known == described) {
         return Ok(());
     }

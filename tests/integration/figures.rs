@@ -335,4 +335,9 @@ fn table_one_is_redone_from_nothing_and_kept() {
     assert_eq!(stamp(), before);
     refused(&["reproduce", "table1", "--methods", "grip,grip"], "grip is there twice");
     refused(&["reproduce", "table1", "--methods", "posecnn"], "NAME=cmd:PROGRAM");
+    // What is not there is said before hours of computing.
+    let nowhere = folder.path().join("nowhere");
+    let late = folder.path().join("late");
+    refused(&["reproduce", "table1", "--real", text(&nowhere), "--out", text(&late)], "--real: ");
+    assert!(!late.exists());
 }
